@@ -131,15 +131,6 @@ class DeadTime:
         low, high = (int(np.searchsorted(below, share * below[-1])) for share in (tail, 1.0 - tail))
         return min(low, best), max(high, best)
 
-    @property
-    def interval_seconds(self) -> tuple[float, float] | None:
-        """Shortest and longest dead time of `interval` in s."""
-        return (
-            None
-            if self.interval is None
-            else (self.interval[0] * self.sample_time, self.interval[1] * self.sample_time)
-        )
-
     def __str__(self) -> str:
         if self.interval is not None and self.samples is None:
             low, high = self.interval
