@@ -132,18 +132,7 @@ class Simulation(Brief):
         )
 
     def require(self) -> Self:
-        """Return this simulation if it reached its end; raise an error otherwise.
-
-        Returns
-        -------
-        Simulation
-            This simulation, also if the film lost tension or broke down on the way, as its status and events state.
-
-        Raises
-        ------
-        SimulationError
-            If it did not reach its end; the text gives time, command and place.
-        """
+        """Return this simulation; SimulationError with time, command and place if it did not reach its end."""
         if self.status.ok:
             return self
         where = ""

@@ -211,20 +211,7 @@ class LinearFamily:
         return replace(self, numerators=np.pad(self.numerators, ((0, 0), (0, 0), (1, 0))), realisations=late)
 
     def at(self, point: int, sample: int) -> LinearModel:
-        """Return the model of a sample at an operating point.
-
-        Parameters
-        ----------
-        point : int
-            Index of the operating point.
-        sample : int
-            Index of the sample.
-
-        Returns
-        -------
-        LinearModel
-            Model without covariance, because the samples carry the spread.
-        """
+        """Return the model of one `sample` at one operating `point`, both by index, without a covariance."""
         signals = self._signals | {"operating_input": float(self.operating_inputs[point])}
         if not self.exists[point, sample]:
             return LinearModel.without_equilibrium(_LOST, **signals)

@@ -205,18 +205,7 @@ class ClosedLoop(Described):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Rebuild a run from plain data.
-
-        Parameters
-        ----------
-        data : mapping
-            Plain data that `to_dict` returned.
-
-        Raises
-        ------
-        ControlError
-            If a value is so large that its square overflows.
-        """
+        """Rebuild a run from the `data` of `to_dict`; ControlError if a value's square overflows."""
         low, high = data["command_limits"]
         series = {name: np.array(data[name], dtype=np.float64) for name in _SERIES}
         for name, values in series.items():

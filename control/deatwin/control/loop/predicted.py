@@ -145,18 +145,7 @@ class PredictedLoop(Described):
         )
 
     def interval(self, measure: Callable[[ClosedLoop], float]) -> tuple[float, float, float]:
-        """Return the median and the 95 % interval of a measure over the draws.
-
-        Parameters
-        ----------
-        measure : callable
-            Function of a run, such as ``lambda run: run.overshoot``.
-
-        Returns
-        -------
-        tuple of float
-            Median, 2.5 % and 97.5 % quantile, in the measure's unit.
-        """
+        """Return median and 95 % interval over the draws of a `measure`, such as ``lambda run: run.overshoot``."""
         values = np.array([measure(run) for run in self.runs])
         middle, low, high = np.quantile(values, [0.5, 0.025, 0.975])
         return float(middle), float(low), float(high)

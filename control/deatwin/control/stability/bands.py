@@ -118,17 +118,7 @@ class MarginBand(Described):
         return _scheffe(self.response.theta_cov, self.level)
 
     def ellipse(self, n_points: int = 73) -> Complex:
-        """Return outlines of the simultaneous band at each frequency.
-
-        Parameters
-        ----------
-        n_points : int
-            Number of points in each outline; the last equals the first.
-
-        Returns
-        -------
-        ndarray of complex, shape (n, n_points)
-        """
+        """Return outlines of the simultaneous band, complex (n, `n_points`), whose last point equals the first."""
         turn = np.linspace(0.0, 2 * np.pi, n_points)
         outline = self.radius * Ellipses.of(self.response.covariance).roots @ np.stack([np.cos(turn), np.sin(turn)])
         return np.asarray(self.response.values[:, None] + outline[:, 0] + 1j * outline[:, 1])

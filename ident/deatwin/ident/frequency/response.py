@@ -51,13 +51,7 @@ class FrequencyStatus(Enum):
 
     @classmethod
     def at(cls, point: Equilibrium) -> FrequencyStatus:
-        """Return the status of an operating point.
-
-        Parameters
-        ----------
-        point : Equilibrium
-            Equilibria at the operating point; the chosen one decides.
-        """
+        """Return the status of the chosen equilibrium of `point`."""
         return cls.OK if point.is_stable else cls.UNSTABLE
 
 
@@ -167,18 +161,7 @@ class FrequencyResponse(Described, Frozen):
         return read_only(parts @ self.theta_cov @ parts.swapaxes(1, 2))
 
     def at_points(self, chosen: NDArray[Any] | slice) -> FrequencyResponse:
-        """Return the response at selected points.
-
-        Parameters
-        ----------
-        chosen : ndarray of bool, shape (n,), or of int, shape (n_chosen,), or slice
-            Mask, indices or slice of the points to keep.
-
-        Returns
-        -------
-        FrequencyResponse
-            Response with derivatives and values at other parameters restricted to these points.
-        """
+        """Return the response at the points that `chosen`, a mask, indices or a slice, selects."""
         where = np.arange(self.values.size)[chosen]
         derive, many = self.differentiate, self.evaluate
         if many is not None:

@@ -140,12 +140,7 @@ class Look:
         return "\n".join(self.lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all findings as plain data for JSON; times in s, values in the channels' units.
-
-        Returns
-        -------
-        dict
-        """
+        """Return all findings as plain data for JSON; times in s, values in the channels' units."""
         return {
             "file": label(self.recordings[0]),
             "samples": self.n_samples,

@@ -110,12 +110,7 @@ class CalibratedMaterial:
         return toml_of(self.section, [*head, *self.notes])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON, SI.
-
-        Returns
-        -------
-        dict
-        """
+        """Return plain data for JSON, SI."""
         return {
             "sentence": self.sentence,
             "material": dict(self.section),
@@ -144,15 +139,7 @@ class CalibratedMaterial:
         return tuple(name for name, there in shown.items() if there)
 
     def draw_panel(self, name: str, ax: Axes) -> None:
-        """Draw one of `panels`.
-
-        Parameters
-        ----------
-        name : str
-            Name of the picture.
-        ax : matplotlib Axes
-            Axes to draw on.
-        """
+        """Draw the picture `name`, one of `panels`, on `ax`."""
         for block, place in zip(self.data.blocks, self.data.places, strict=True):
             if block.test.is_dma == (name == "frequency") and (name != "time" or block.times is not None):
                 _draw_block(name, ax, block, self.modelled[place])

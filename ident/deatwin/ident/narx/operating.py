@@ -43,15 +43,7 @@ class OperatingRange:
             object.__setattr__(self, item.name, read_only(np.atleast_1d(getattr(self, item.name))))
 
     def shifted(self, operating_input: Array, operating_output: Array) -> OperatingRange:
-        """Return the range as deviations from an operating point, which becomes the centre.
-
-        Parameters
-        ----------
-        operating_input : ndarray, shape (n_inputs,)
-            Inputs at the operating point, in their units.
-        operating_output : ndarray, shape (1,)
-            Output at the operating point, in its unit.
-        """
+        """Return the range about a new centre, `operating_input` (n_inputs,) and `operating_output` (1,)."""
         return OperatingRange(
             input_min=self.input_min - operating_input,
             input_max=self.input_max - operating_input,

@@ -78,20 +78,7 @@ class ThetaPosterior:
         return np.column_stack([self.model.theta - half, self.model.theta + half])
 
     def density(self, term: int, values: Array) -> Array:
-        """Return the marginal density of one parameter.
-
-        Parameters
-        ----------
-        term : int
-            Position of the term in the model.
-        values : ndarray
-            Values of the parameter, in its unit.
-
-        Returns
-        -------
-        ndarray
-            Density at each value, in the inverse of the parameter's unit.
-        """
+        """Return the density of the parameter of a `term`, by index, at `values`, in the inverse of its unit."""
         from scipy import stats
 
         law = stats.norm if math.isinf(self.model.theta_dof) else stats.t(self.model.theta_dof)
@@ -99,15 +86,7 @@ class ThetaPosterior:
         return np.asarray(law.pdf((values - self.model.theta[term]) / scale) / scale)
 
     def sample(self, rng: np.random.Generator, n_draws: int) -> ThetaDraws:
-        """Draw parameters and noise variances jointly from the posterior.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Random generator for the draws.
-        n_draws : int
-            Number of draws.
-        """
+        """Draw parameters and noise variances jointly from the posterior, `n_draws` of them by the generator `rng`."""
         require_generator(rng)
         model = self.model
         # (1/tau) / E[1/tau]: inverse gamma of mean 1

@@ -97,15 +97,7 @@ class PredictiveBand(Described):
         return np.asarray(inside[:, self.first :].mean(axis=1), dtype=np.float64)
 
     def plot(self, ax: Axes | None = None, *, output: int = 0) -> Axes:
-        """Draw the band over time, with its centre and the measured output.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-        output : int
-            Row of the output.
-        """
+        """Draw the band of one `output` over time, with its centre and the measurement, on `ax` or new axes."""
         axes = axes_or_new(ax)
         axes.fill_between(
             self.timepts,

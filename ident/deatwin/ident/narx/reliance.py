@@ -149,22 +149,7 @@ class Reliance:
 
     @classmethod
     def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
-        """Read the assessment from a model's provenance; None if there is none.
-
-        Parameters
-        ----------
-        provenance : mapping of str to str
-            Provenance of the model.
-
-        Returns
-        -------
-        Reliance or None
-
-        Raises
-        ------
-        ModelError
-            If the entries cannot be read.
-        """
+        """Read the assessment from a model's `provenance`, or None; ModelError if it cannot be read."""
         if (written := provenance.get(STATUS_KEY)) is None:
             return None
         try:

@@ -135,34 +135,12 @@ class ThetaTrajectory(
         return read_only(np.sqrt(np.einsum("kii->ik", self.theta_cov)))
 
     def at(self, time: float) -> NarxModel:
-        """Return the constant model with the parameters at one time.
-
-        Parameters
-        ----------
-        time : float
-            Time on the experiment's clock in s; the parameters at the nearest of ``timepts`` are used.
-
-        Raises
-        ------
-        ModelError
-            If the time is before the first or after the last.
-        """
+        """Return the model nearest to `time`, s on the clock of the experiment; ModelError if `time` is outside."""
         k = int(self._nearest(np.array([time]))[0])
         return replace(self.model, theta=self.theta[:, k], theta_cov=self.theta_cov[k])
 
     def thinned(self, step: int) -> Self:
-        """Return the trajectory at every ``step``-th time, to save memory of the covariances.
-
-        Parameters
-        ----------
-        step : int
-            Spacing of the times that are kept, counted from the end; the last one is kept.
-
-        Raises
-        ------
-        ModelError
-            If the step is below 1.
-        """
+        """Return every `step`-th time, counted from the end, to save memory; ModelError if `step` is below 1."""
         if step < 1:
             raise ModelError(f"step = {step}; it must be at least 1")
         kept = np.arange(self.timepts.size)[::-step][::-1]

@@ -210,18 +210,7 @@ class Rig(ABC):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Make the rig from the data that `to_dict` returned.
-
-        Parameters
-        ----------
-        data : mapping
-            Plain data.
-
-        Raises
-        ------
-        RigError
-            If a field has the wrong type or is out of range.
-        """
+        """Make the rig from the `data` of `to_dict`; RigError if a field has a wrong type or is out of range."""
         limits, chain = data["command_range"], data.get("chain")
         read: dict[str, Any] = {
             "reading": ReadingTime(data["reading"]),
@@ -238,13 +227,7 @@ class Rig(ABC):
         return rig
 
     def with_effects(self, *effects: Effect) -> Plant:
-        """Return the plant of this rig and effects.
-
-        Parameters
-        ----------
-        *effects : Effect
-            Effects of the plant; without any, it is the base plant.
-        """
+        """Return the plant of this rig and `effects`; without any, it is the base plant."""
         from deatwin.plant.model import Plant  # a plant is made of rigs, so the module cannot be loaded first
 
         return Plant(rig=self, effects=effects)
@@ -266,13 +249,7 @@ class Rig(ABC):
         return known if self.sizes is None else tuple(self.sizes.of(effect) for effect in known)
 
     def for_motion(self, motion: float) -> Self:
-        """Return the rig with the model error that applies to motion of a given size.
-
-        Parameters
-        ----------
-        motion : float
-            Standard deviation of the readings, SI.
-        """
+        """Return the rig with the model error for `motion` of a given standard deviation, SI."""
         return replace(self, model_error=max(self.model_error, self.share_of_motion * motion))
 
     @property

@@ -87,31 +87,14 @@ class TestSignal(Described, Frozen):
         return self.amplitude / float(np.sqrt(np.mean(self.values**2)))
 
     def scaled(self, factor: float) -> TestSignal:
-        """Return the signal at another amplitude.
-
-        Parameters
-        ----------
-        factor : float
-            Multiplier of the values; a negative one inverts the pulse.
-
-        Raises
-        ------
-        ModelError
-            If the factor is not a number that leaves the values finite.
-        """
+        """Return the signal times `factor`; ModelError if a value is then not finite."""
         share = real_number(factor, "the factor")
         if not math.isfinite(share * self.amplitude):
             raise ModelError(f"the factor is {factor}; it must leave the values finite")
         return replace(self, values=share * self.values)
 
     def input_spectrum(self, order: int) -> InputSpectrum:
-        """Return the spectrum of a power of the signal.
-
-        Parameters
-        ----------
-        order : int
-            Power n of the signal, at least 1.
-        """
+        """Return the spectrum of the signal's power `order`, at least 1."""
         return input_spectrum(self.values, order, self.sample_time, unit=self.unit)
 
     def plot(self, ax: Axes | None = None) -> Axes:

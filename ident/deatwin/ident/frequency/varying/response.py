@@ -215,18 +215,7 @@ class VaryingResponse(Described, Frozen):
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=law == 1.0)
 
     def at(self, time: float) -> FrequencyResponse:
-        """Return the response at the nearest of ``timepts``.
-
-        Parameters
-        ----------
-        time : float
-            Time on the experiment's clock, s.
-
-        Raises
-        ------
-        ModelError
-            If the time is before the first or after the last one, or there is no response.
-        """
+        """Return the response nearest to `time`, s; ModelError if `time` is outside or there is none."""
         slack = 1e-9 * max(1.0, float(np.abs(self.timepts).max()))
         if not self.timepts[0] - slack <= time <= self.timepts[-1] + slack:
             raise ModelError(

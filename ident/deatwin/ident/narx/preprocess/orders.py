@@ -117,13 +117,7 @@ class OrderChoice(Described):
 
     @property
     def best(self) -> OrderTrial:
-        """Trial with the smallest error.
-
-        Raises
-        ------
-        ModelError
-            If no trial has an error.
-        """
+        """Trial with the smallest error; ModelError if no trial has an error."""
         if not self.done:
             raise ModelError("no model of the grid ran free over the held-out data: there is nothing to choose")
         return min(self.done, key=lambda trial: trial.mean_square)
