@@ -34,7 +34,6 @@ from deatwin.plant.excitation import (
     staircase,
     triangles,
     with_alternating_polarity,
-    with_rests,
 )
 
 H = 0.02
@@ -89,10 +88,7 @@ EXCITATION: list[tuple[Callable[[], object], str]] = [
     (lambda: triangles(H, rates=()), "0 rates"),
     (lambda: triangles(H, cycles=0), "0 cycles"),
     (lambda: triangles(H, upper=1.0), "lower < upper"),
-    *((lambda wrong=wrong: with_rests(wrong, 1.0, 1.0, 1.0), "one finite number") for wrong in ([], [[1.0]], [np.nan])),
     (lambda: with_alternating_polarity([1.0, np.nan], 1.0, 1.0), "one row of at least one finite number"),
-    (lambda: with_rests([1.0], 1.0, every=0.1, rest=1.0), r"every 0\.1 s"),
-    (lambda: with_rests([1.0], 1.0, every=1.0, rest=0.1), r"rest 0\.1 s"),
     (lambda: with_alternating_polarity([1.0], 1.0, segment=0.1), r"segment 0\.1 s"),
     (lambda: random_odd_harmonics(RNG, 40.0, 2.0, group=1), "groups of 1"),
     (lambda: random_odd_harmonics(RNG, 40.0, 2.0, group=41), "groups of 41 among 40"),

@@ -6,7 +6,7 @@ argument, and the commands depend on its state only.
 
 from deatwin.plant.excitation.multisine import odd_harmonics, random_odd_harmonics, random_phase_multisine
 from deatwin.plant.excitation.noise import band_limited_noise, share_above_band
-from deatwin.plant.excitation.rearranged import with_alternating_polarity, with_rests
+from deatwin.plant.excitation.rearranged import with_alternating_polarity
 from deatwin.plant.excitation.steps import random_holds, staircase, triangles
 from deatwin.plant.excitation.sweeps import linear_chirp, logarithmic_chirp
 
@@ -22,5 +22,4 @@ __all__ = [
     "staircase",
     "triangles",
     "with_alternating_polarity",
-    "with_rests",
 ]

@@ -20,7 +20,7 @@ from deatwin.plant.errors import DeatwinError, RigError
 from deatwin.plant.parameters import Parameter, ParameterSet
 from deatwin.plant.readings import ROOM_TEMPERATURE, Reading, readings_from
 from deatwin.plant.rigfaults import users_code
-from deatwin.plant.rigs.stated import require_stated
+from deatwin.plant.rigs.stated import require_number, require_stated
 from deatwin.plant.substance import Material
 from deatwin.plant.supply import Supply, supply_from
 
@@ -72,9 +72,9 @@ class StartProcedure:
     uncounted: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_number("rest_command of the start", self.rest_command, least=-math.inf)
+        require_number("rest_command of the start", self.rest_command, least=-math.inf)
         for name in ("ramp", "hold", "uncounted"):
-            _require_number(f"{name} of the start", getattr(self, name), least=0.0)
+            require_number(f"{name} of the start", getattr(self, name), least=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -299,18 +299,10 @@ def require_usable(rig: object) -> None:
     if not isinstance(rig, Rig):
         given = rig.__name__ if isinstance(rig, type) else repr(rig)
         raise RigError(f"{given} is not a rig: give an object such as Diaphragm()")
-    _require_number("sample_time", rig.sample_time)
+    require_number("sample_time", rig.sample_time)
     require_reading_time(rig.reading, RigError)
     if rig.command_range is not None:
         ends = tuple(rig.command_range) if isinstance(rig.command_range, Iterable) else ()
         if len(ends) != 2 or not all(isinstance(end, Real) for end in ends) or not ends[0] <= ends[1]:
             raise RigError(f"command_range is {rig.command_range!r}; it must be the lower end and then the upper one")
     rig.readings, rig.start  # noqa: B018  (check noise, model error and times)
-
-
-def _require_number(name: str, value: object, *, least: float | None = None) -> None:
-    """Raise RigError unless a value is a finite number, at least `least`, or above 0 if that is omitted."""
-    finite = isinstance(value, Real) and math.isfinite(value)
-    if not finite or (value <= 0.0 if least is None else value < least):  # type: ignore[operator]
-        wanted = "" if least == -math.inf else " above 0" if least is None else f" of at least {least:g}"
-        raise RigError(f"{name} is {value!r}; it must be a number{wanted}")
