@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import function, generator, instance, not_negative, row, taking, whole
 from deatwin.control.controllers.base import Controller
-from deatwin.control.linear.family import draw
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.progress import Progress
 from deatwin.ident.frequency import equilibrium
+from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import NarxModel, Variable
 from deatwin.ident.narx.residual import Residual
 from deatwin.ident.narx.response import divergence_limit
@@ -225,7 +225,9 @@ def predict_loop(
     """
     wanted = np.asarray(reference, dtype=np.float64)
     rest = equilibrium(model, controller.operating_input).output
-    terms = _Terms(model, draw(model, rng, draws), reading, rest, controller.operating_input, _far(model, rest, wanted))
+    terms = _Terms(
+        model, draw_theta(model, rng, draws), reading, rest, controller.operating_input, _far(model, rest, wanted)
+    )
     for _ in range(_SETTLE):
         terms.advance(np.full(draws, controller.operating_input))
     n = wanted.size
