@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import instance, numbers, positive, require_fields, taking
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.realisation import Realisation
-from deatwin.ident.frequency.checks import polynomial_model, real_numbers
+from deatwin.ident.arguments import real_numbers
+from deatwin.ident.frequency.checks import polynomial_model
 from deatwin.ident.frequency.dc import equilibrium, expand
 from deatwin.ident.frequency.linear import levels, motion, operating_input_of
 from deatwin.ident.frequency.many import follow_equilibrium, stable_polynomials

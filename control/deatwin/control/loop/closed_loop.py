@@ -174,20 +174,7 @@ class ClosedLoop(Described):
         return axes
 
     def variables(self, dimension: str, before: str = "") -> Variables:
-        """Return the run as variables for `deatwin.plant.datasets.dataset`.
-
-        Parameters
-        ----------
-        dimension : str
-            Name of the time dimension.
-        before : str
-            Prefix of the variables' names.
-
-        Returns
-        -------
-        mapping of str to tuple
-            Variables by name.
-        """
+        """Return the run for `datasets.dataset`, with the time `dimension` and the prefix `before` of all names."""
         units = {"command": self.input_unit}
         return {
             before + name: (dimension, getattr(self, name), units.get(name, self.output_unit)) for name in _SERIES[1:]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import real_numbers
+from deatwin.ident.arguments import real_numbers
 from deatwin.ident.frequency.drawing import drawn_points, say_zero
 from deatwin.plant.drawing import written_unit
 from deatwin.plant.errors import ModelError

@@ -5,16 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
+
+from deatwin.ident.arguments import read_only
 
 Array = NDArray[np.float64]
-
-
-def read_only(values: ArrayLike) -> Array:
-    """Return a read-only float copy."""
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import probability
 from deatwin.ident.narx.covariance import covariance_root
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import require_generator
@@ -142,9 +143,7 @@ def quantile(level: float, dof: float) -> float:
     """Return the half width of the central interval of a Student-t or normal law, in units of its scale."""
     from scipy import special
 
-    if not 0 < level < 1:
-        raise ModelError(f"level = {level}; it must lie between 0 and 1")
-    share = (1 + level) / 2
+    share = (1 + probability(level)) / 2
     return float(special.ndtri(share) if math.isinf(dof) else special.stdtrit(dof, share))
 
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.drive import Drive
-from deatwin.ident.narx.operating import OperatingRange, read_only
+from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.datasets import Described, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.recording import Recording

@@ -17,6 +17,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import whole_number
 from deatwin.ident.narx.lags import ChannelLags, channel_lags, lag_list
 from deatwin.ident.narx.lags import Lags as Lags
 from deatwin.ident.narx.names import SignalNames
@@ -135,8 +136,7 @@ def generate_terms(
     ModelError
         If the lags or the degree are invalid, or the rule drops all terms.
     """
-    if not isinstance(degree, int | np.integer) or degree < 1:
-        raise ModelError(f"degree = {degree!r}; it must be an integer of at least 1")
+    whole_number(degree, "degree")
     if rule is not None and not callable(rule):
         raise ModelError(f"rule = {rule!r}; it must be a callable that takes a term, or None")
     variables = []

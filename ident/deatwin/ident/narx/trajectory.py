@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.document import fields_of, to_document
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import Array, read_only
+from deatwin.ident.narx.operating import Array
 from deatwin.ident.narx.response import NarxResponse
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.datasets import Described, Metadata, coordinate, variable
@@ -141,41 +142,15 @@ class ThetaTrajectory(
 
     def thinned(self, step: int) -> Self:
         """Return every `step`-th time, counted from the end, to save memory; ModelError if `step` is below 1."""
-        if step < 1:
-            raise ModelError(f"step = {step}; it must be at least 1")
-        kept = np.arange(self.timepts.size)[::-step][::-1]
+        kept = np.arange(self.timepts.size)[:: -whole_number(step, "step")][::-1]
         return replace(self, timepts=self.timepts[kept], theta=self.theta[:, kept], theta_cov=self.theta_cov[kept])
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict each sample from the measurements up to ``steps`` samples before it, with varying parameters.
-
-        Parameters
-        ----------
-        recording : Recording
-            Measured inputs and outputs within the trajectory's times.
-        steps : int
-            Number of samples ahead.
-
-        Raises
-        ------
-        ModelError
-            If the recording does not suit the model, or reaches beyond the trajectory.
-        """
+        """Predict `steps` samples ahead as `NarxModel.predict`; ModelError if `recording` exceeds the trajectory."""
         return self._driven.predict(self._with_theta(recording), steps=steps)
 
     def simulate(self, recording: Recording) -> NarxResponse:
-        """Simulate in free run with the parameters of each time, from the inputs and the first measured lags.
-
-        Parameters
-        ----------
-        recording : Recording
-            Inputs and outputs within the trajectory's times; the outputs of the first lags start the run.
-
-        Raises
-        ------
-        ModelError
-            If the recording does not suit the model, or reaches beyond the trajectory.
-        """
+        """Run free from the first lags measured; ModelError if `recording` exceeds the trajectory."""
         return self._driven.simulate(self._with_theta(recording))
 
     def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:

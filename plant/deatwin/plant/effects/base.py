@@ -148,18 +148,7 @@ class Effect(ABC):
         return ()
 
     def cycle(self, measured: Collection[str]) -> float:
-        """Return the period of the cycle that this effect follows; a short part of a cycle looks like a drift.
-
-        Parameters
-        ----------
-        measured : collection of str
-            Names of the further channels in the recordings.
-
-        Returns
-        -------
-        float
-            Period, s; 0 if there is no cycle or if the recordings measure it.
-        """
+        """Return the period, s, of the cycle that the effect follows; 0 if none, or if `measured` names its channel."""
         return 0.0
 
     @property

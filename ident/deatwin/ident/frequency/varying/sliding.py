@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.checks import probability, real_number
+from deatwin.ident.arguments import probability, real_number
 from deatwin.plant.datasets import Described, attribute, coordinate, variable
 from deatwin.plant.drawing import panels_or_new
 from deatwin.plant.errors import DataError
