@@ -15,23 +15,12 @@ from deatwin.plant.excitation import (
     random_phase_multisine,
     share_above_band,
     with_alternating_polarity,
-    with_rests,
 )
 
 volts = st.floats(-10.0, 10.0, allow_subnormal=False)
 signals = arrays(np.float64, st.integers(1, 60), elements=volts)
 samples = st.integers(1, 20)
 seeds = st.integers(0, 2**32 - 1)
-
-
-@settings(deadline=None, max_examples=100)
-@given(signal=signals, every=samples, rest=samples, level=volts)
-def test_a_signal_is_found_again_between_its_rests(signal: np.ndarray, every: int, rest: int, level: float) -> None:
-    rested = with_rests(signal, 0.02, 0.02 * every, 0.02 * rest, level)
-    at_rest = np.arange(rested.size) % (every + rest) >= every
-    np.testing.assert_array_equal(rested[~at_rest], signal)
-    assert (rested[at_rest] == level).all()
-    assert at_rest.sum() == rest * ((signal.size - 1) // every)
 
 
 @settings(deadline=None, max_examples=100)

@@ -6,14 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deatwin.plant.laws.dielectric import (
-    VACUUM_PERMITTIVITY,
     conduction_density,
     electric_energy,
     electrostriction_factors,
     maxwell_stress,
 )
 from deatwin.plant.laws.energies import arruda_boyce, gent, mooney_rivlin, neo_hookean, ogden, yeoh
-from deatwin.plant.laws.permittivity import polarisation_rate, polarised_energy, stretched
+from deatwin.plant.laws.permittivity import stretched
 from deatwin.plant.laws.stress import nominal_stress, tangent, true_stress
 
 moduli = st.floats(1e3, 1e5)
@@ -98,24 +97,3 @@ def test_the_field_always_takes_tension_off_with_its_square(first, second, slope
 @given(field=st.floats(-2e8, 2e8))
 def test_conduction_takes_energy(field):
     assert float(conduction_density(field)) * field >= 0
-
-
-@quick
-@given(
-    field=st.floats(-1e8, 1e8),
-    polarisation=st.floats(-1e-2, 1e-2),
-    step=st.floats(0.01, 5.0),
-    time=st.floats(0.01, 1e4),
-)
-def test_a_lagging_polarisation_dissipates(field, polarisation, step, time):
-    # At constant field the co-energy can only fall, and by tau P'²/(step e0).
-    rate = polarisation_rate(field, polarisation, step, time)
-    interval = 1e-3 * time
-    later = polarisation + interval * rate
-    fall = polarised_energy(1.0, 1.0, 4.0, field, polarisation, step) - polarised_energy(
-        1.0, 1.0, 4.0, field, later, step
-    )
-    power = time * rate**2 / (step * VACUUM_PERMITTIVITY)
-    size = abs(polarised_energy(1.0, 1.0, 4.0, field, polarisation, step))
-    # An explicit step of 1e-3 time constants is 5e-4 short.
-    assert fall == pytest.approx(power * interval, rel=1e-3, abs=1e-10 * size)

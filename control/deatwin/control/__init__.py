@@ -24,7 +24,7 @@ from deatwin.control.interop.from_control import from_control
 from deatwin.control.interop.narx_system import past_state
 from deatwin.control.interop.responses import Frd, linear_frd, to_frd
 from deatwin.control.interop.systems import in_loop, rest_state_of, to_nlsys
-from deatwin.control.linear.family import LinearFamily, draw, linearise_many
+from deatwin.control.linear.family import LinearFamily, linearise_many
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import draw_plants, linearise_plant, linearise_plants
@@ -76,7 +76,6 @@ __all__ = [
     "closed_loop",
     "controller_from_dict",
     "controller_to_dict",
-    "draw",
     "draw_plants",
     "from_control",
     "gain_schedule",

@@ -11,7 +11,7 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 
 from deatwin.control.errors import ControlError
-from deatwin.ident.frequency.checks import real_numbers
+from deatwin.ident.arguments import real_numbers
 from deatwin.ident.narx.identifier import Identifier
 from deatwin.plant.errors import ModelError
 

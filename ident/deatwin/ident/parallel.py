@@ -29,10 +29,6 @@ def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
     count : int
         Number of generators.
 
-    Returns
-    -------
-    list of numpy.random.Generator
-
     Raises
     ------
     DataError

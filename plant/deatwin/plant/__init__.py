@@ -51,7 +51,6 @@ from deatwin.plant.errors import DataError, DeatwinError, ModelError, RigError, 
 from deatwin.plant.files import read_experiment, read_recording
 from deatwin.plant.fleet import Actuator, History, Tolerance, fleet, specification
 from deatwin.plant.limits import Event
-from deatwin.plant.linear_elastic import LinearElastic
 from deatwin.plant.material import MATERIALS, Branch, Material
 from deatwin.plant.model import Plant
 from deatwin.plant.model_error import Discrepancy
@@ -119,7 +118,6 @@ __all__ = [
     "Hysteresis",
     "Laser",
     "Leakage",
-    "LinearElastic",
     "Material",
     "MeasuringChain",
     "ModelError",

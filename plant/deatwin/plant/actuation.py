@@ -104,19 +104,7 @@ class ActuationCurve(Described):
         return float(self.commands[last - 1] + share * (self.commands[last] - self.commands[last - 1]))
 
     def plot(self, ax: Axes | None = None, **style: object) -> Axes:
-        """Plot the reading against the command and mark pull-in, breakdown and loss of tension.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        **style
-            Keyword arguments of the line, passed to `matplotlib.axes.Axes.plot`.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Plot the reading over the command, with its limits marked, on `ax` or new axes; `style` is the line's."""
         ax = axes_or_new(ax)
         (command, command_unit), (reading, reading_unit) = self.axes
         factor, shown = SHOWN.get(reading_unit, (1.0, reading_unit))

@@ -21,7 +21,7 @@ from deatwin.plant.written import State, Symbol, Written, is_same
 
 
 class Builder:
-    """Collects the equations of a rig and of its effects.
+    """Collects the equations of a rig and of its effects. Its symbols are `casadi.SX`.
 
     Parameters
     ----------
@@ -48,64 +48,20 @@ class Builder:
         )
 
     def own(self, name: str) -> Symbol:
-        """Return the symbol of a parameter before any effect rewrites it.
-
-        Parameters
-        ----------
-        name : str
-            Name in the plant's parameter set.
-
-        Returns
-        -------
-        casadi.SX
-        """
+        """Return the symbol of the parameter `name` before any effect rewrites it."""
         self.written.parameters[name]
         return self.written.symbols[name]
 
     def reach(self, name: str) -> float:
-        """Return the upper end of a parameter's range.
-
-        Parameters
-        ----------
-        name : str
-            Name in the plant's parameter set.
-
-        Returns
-        -------
-        float
-            End of the range in SI, up to which the equations hold; they are rebuilt if a value beyond it widens the
-            range.
-        """
+        """Return the upper end of the range of parameter `name`, SI; a value beyond it rebuilds the equations."""
         return self.written.parameters[name].upper
 
     def parameter(self, name: str) -> Symbol:
-        """Return a parameter after the effects at the place *parameter* have rewritten it.
-
-        Parameters
-        ----------
-        name : str
-            Name in the plant's parameter set.
-
-        Returns
-        -------
-        casadi.SX
-        """
+        """Return the parameter `name` after the effects at the place *parameter* have rewritten it."""
         return self.place(Place.PARAMETER, name, self.own(name))
 
     def constant(self, name: str, value: np.ndarray | float) -> Symbol:
-        """Add a constant of the rig, which is never fitted.
-
-        Parameters
-        ----------
-        name : str
-            Name of the symbol.
-        value : ndarray, shape (n,), or float
-            SI value.
-
-        Returns
-        -------
-        casadi.SX, shape (n, 1)
-        """
+        """Add a constant of the rig, which is never fitted: a symbol `name` (n, 1) with an SI `value` (n,) or float."""
         numbers = known(value, f"the constant {name}")
         symbol = ca.SX.sym(name, numbers.size)
         self.written.constants.append((symbol, numbers))
@@ -169,19 +125,7 @@ class Builder:
         return self.written.parts
 
     def channel(self, name: str, default: float) -> Symbol:
-        """Add a further measured input, such as the temperature.
-
-        Parameters
-        ----------
-        name : str
-            Name of the channel in the recordings.
-        default : float
-            SI value used for recordings without this channel.
-
-        Returns
-        -------
-        casadi.SX
-        """
+        """Add a measured input `name`, such as the temperature, with an SI value `default` where it is not recorded."""
         if name not in self.written.channels:
             self.written.channels[name] = (
                 ca.SX.sym(name),
@@ -200,10 +144,6 @@ class Builder:
             Typical size, SI.
         start : symbol, optional
             Value at rest; by default the value at which its rate is zero.
-
-        Returns
-        -------
-        casadi.SX
         """
         symbol = self._unknown(name)
         first = None if start is None else number(start, f"the start of state {name}")
@@ -269,53 +209,21 @@ class Builder:
             self.written.shifts[name] = source
 
     def at_last(self, rewrite: Callable[[Symbol, Builder], Symbol]) -> None:
-        """Let an effect rewrite the reading after all other effects, and after its mean over the sample.
-
-        Parameters
-        ----------
-        rewrite : callable
-            Function that takes the reading, SI, and this builder, and returns the resulting reading.
-        """
+        """Let `rewrite(reading, build)` change the reading, SI, after all other effects and after its mean."""
         self._last.append(rewrite)
 
     def coordinate(self, name: str, *, scale: float) -> Symbol:
-        """Add an algebraic coordinate; each needs one `balance`.
-
-        Parameters
-        ----------
-        name : str
-            Unique name.
-        scale : float
-            Typical size, SI.
-
-        Returns
-        -------
-        casadi.SX
-        """
+        """Add an algebraic coordinate with a unique `name` and a typical size `scale`, SI; each needs one `balance`."""
         symbol = self._unknown(name)
         self.written.coordinates[name] = (symbol, size(scale, f"the scale of coordinate {name}"))
         return symbol
 
     def balance(self, value: Symbol) -> None:
-        """Add the equation ``0 = value``.
-
-        Parameters
-        ----------
-        value : symbol
-            Residual of the algebraic equation.
-        """
+        """Add the algebraic equation ``0 = value``."""
         self.written.balances.append(number(value, f"balance {1 + len(self.written.balances)}"))
 
     def guess(self, unknown: Symbol, value: Symbol) -> None:
-        """Set the start value of an unknown in the search for rest.
-
-        Parameters
-        ----------
-        unknown : casadi.SX
-            State or coordinate.
-        value : symbol or float
-            Start value, an expression of parameters and constants.
-        """
+        """Start the search for rest of a state or coordinate `unknown` at `value`, of parameters and constants."""
         known = {n: s for n, (s, *_) in (*self.written.states.items(), *self.written.coordinates.items())}
         name = next((n for n, symbol in known.items() if is_same(symbol, unknown)), None)
         if name is None:
@@ -323,19 +231,7 @@ class Builder:
         self.written.guesses[name] = number(value, f"the guess of {name}")
 
     def at_rest(self, name: str, value: Symbol) -> Symbol:
-        """Return the value that an expression has at rest, held for the whole experiment.
-
-        Parameters
-        ----------
-        name : str
-            Unique name.
-        value : symbol
-            Expression of states, coordinates and parameters.
-
-        Returns
-        -------
-        casadi.SX
-        """
+        """Return the `value` that an expression has at rest, held for the whole experiment as the symbol `name`."""
         symbol = ca.SX.sym(name)
         self.written.held[name] = (symbol, number(value, f"the value of {name} at rest"))
         return symbol
@@ -364,39 +260,13 @@ class Builder:
         return signal
 
     def watch(self, name: str, value: Symbol) -> Symbol:
-        """Report a signal in the results under a name.
-
-        Parameters
-        ----------
-        name : str
-            Name in the results, with the unit if that is not SI.
-        value : symbol
-            Signal to report.
-
-        Returns
-        -------
-        symbol
-            `value`, unchanged.
-        """
+        """Report a signal `value` in the results under a `name`, with its unit if that is not SI, and return it."""
         number(value, f"the watched signal {name}")
         self.written.watched[name] = value
         return value
 
     def share(self, name: str, value: Any) -> Any:
-        """Make a quantity available to effects without reporting it in the results.
-
-        Parameters
-        ----------
-        name : str
-            Name under which `signal` returns it.
-        value : symbol or object
-            Quantity to share, for example the film.
-
-        Returns
-        -------
-        same kind as `value`
-            `value`, unchanged.
-        """
+        """Make a quantity `value`, such as the film, available to effects by its `name`, and return it."""
         self._shared[name] = value
         return value
 
@@ -453,10 +323,6 @@ class Builder:
             Reading of the rig, SI.
         further : sequence of str
             Names of the rig's further readings.
-
-        Returns
-        -------
-        Equations
 
         Raises
         ------

@@ -132,17 +132,7 @@ class CalibratedPlant(
 
     @classmethod
     def nominal(cls, plant: Plant) -> Self:
-        """Return a plant that was not calibrated; its parameters count as exact.
-
-        Parameters
-        ----------
-        plant : Plant
-            Plant with the values of its rig file and of the literature.
-
-        Returns
-        -------
-        CalibratedPlant
-        """
+        """Return a `plant` that was not calibrated, whose parameters count as exact."""
         return cls(plant=plant, noise=plant.rig.noise, model_error=plant.rig.model_error)
 
     def predict(self, experiment: Experiment | Recording) -> Prediction:
@@ -152,10 +142,6 @@ class CalibratedPlant(
         ----------
         experiment : Experiment or Recording
             Experiment to simulate; only its commands are used. A single recording starts from rest.
-
-        Returns
-        -------
-        Prediction
 
         Raises
         ------

@@ -59,22 +59,7 @@ class MeasuringChain:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the chain from a mapping made by `dataclasses.asdict`.
-
-        Parameters
-        ----------
-        data : mapping
-            Plain data, also after a round trip through JSON.
-
-        Returns
-        -------
-        MeasuringChain
-
-        Raises
-        ------
-        DataError
-            If a part is missing or does not have the fields of its class.
-        """
+        """Return the chain from `data` made by `dataclasses.asdict`; DataError if a part or field is missing."""
         kinds = {"analogue_output": Converter, "amplifier": Amplifier, "laser": Laser, "analogue_input": Converter}
         try:
             parts = {k: kind(**{**data[k], "unconfirmed": tuple(data[k]["unconfirmed"])}) for k, kind in kinds.items()}

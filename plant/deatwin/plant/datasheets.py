@@ -100,18 +100,7 @@ class Converter(Part):
         return self.full_scale * 2.0 ** (1 - self.bits)
 
     def convert(self, volts: ArrayLike) -> NDArray[np.float64]:
-        """Return voltages rounded to codes, and clipped to the first and the last code.
-
-        Parameters
-        ----------
-        volts : array_like
-            V.
-
-        Returns
-        -------
-        array
-            V, of the same shape.
-        """
+        """Return `volts` rounded to codes, and clipped to the first and the last code."""
         return np.clip(quantise(volts, self.step), -self.full_scale, self.full_scale - self.step)
 
 

@@ -86,31 +86,13 @@ class Saved:
         return partial(type(self), **plain), ()
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a JSON file, first under a temporary name.
-
-        Parameters
-        ----------
-        path : str or path-like
-            Path of the file to write.
-        """
+        """Write a JSON file at `path`, first under a temporary name."""
         _, document, _ = self._file
         write_document(path, document(self))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a file that `save` wrote.
-
-        Parameters
-        ----------
-        path : str or path-like
-            Path of the file to read.
-
-        Raises
-        ------
-        ModelError
-            If the file is missing, not JSON, of another schema, or malformed, or names a rig or effect that is not
-            installed.
-        """
+        """Read a file that `save` wrote at `path`; ModelError if it is missing or malformed."""
         schema, _, fields = cls._file
         return read_document(path, schema, lambda document: cls(**fields(document)))
 

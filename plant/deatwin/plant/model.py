@@ -104,17 +104,7 @@ class Plant:
         return tuple(e.name for e in self.effects)
 
     def lacks(self, effect: Effect) -> bool:
-        """Return whether no effect of this plant is the given one, at any place.
-
-        Parameters
-        ----------
-        effect : Effect
-            Effect to look for.
-
-        Returns
-        -------
-        bool
-        """
+        """Return whether no effect of this plant is the given `effect`, at any place."""
         return all(own.cause != effect.cause for own in self.effects)
 
     @property
@@ -123,78 +113,27 @@ class Plant:
         return tuple(f"{e.name}.{e.event}" for e in self.effects if e.event)
 
     def with_effects(self, *effects: Effect) -> Plant:
-        """Return the plant with more effects.
-
-        Parameters
-        ----------
-        *effects : Effect
-            Effects to add.
-
-        Returns
-        -------
-        Plant
-
-        Raises
-        ------
-        RigError
-            If something is not an effect, or an effect is in the plant already.
-        """
+        """Return the plant with more `effects`; RigError if one is none, or is in the plant already."""
         return replace(self, effects=(*self.effects, *effects))
 
     def without_effects(self, *names: str) -> Plant:
-        """Return the plant without some or all of its effects; other values are unchanged.
-
-        Parameters
-        ----------
-        *names : str
-            Names of the effects to remove; all effects if none is named.
-
-        Returns
-        -------
-        Plant
-        """
+        """Return the plant without the effects of these `names`, or without all if there are none."""
         kept = tuple(effect for effect in self.effects if names and effect.name not in names)
         effects = (p for effect in kept for p in effect.parameters)
         own = {p.name for p in (*self.rig.parameters, *effects, *self.rig.starts_of(kept))}
         return replace(self, effects=kept, values={n: v for n, v in self.values.items() if n in own})
 
     def with_values(self, values: Mapping[str, float]) -> Plant:
-        """Return the plant with other parameter values.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            SI values by name; all others stay.
-
-        Returns
-        -------
-        Plant
-        """
+        """Return the plant with other parameter `values`, SI by name."""
         return replace(self, values={**self.values, **values})
 
     def with_rig(self, rig: Rig) -> Plant:
-        """Return the plant on another rig.
-
-        Parameters
-        ----------
-        rig : Rig
-            Rig with parameters of the same names.
-
-        Returns
-        -------
-        Plant
-        """
+        """Return the plant on another `rig` with parameters of the same names."""
         return replace(self, rig=rig)
 
     @property
     def equations(self) -> Equations:
-        """Return the plant's differential-algebraic equations.
-
-        Raises
-        ------
-        RigError
-            If the rig's model was written elsewhere, so that its equations are unknown.
-        """
+        """Return the plant's differential-algebraic equations; RigError if its model was written elsewhere."""
         if not self.rig.equations_known:
             raise RigError(
                 f"the equations of a {self.rig.kind} model are unknown: it can be simulated, fitted and diagnosed as a "
@@ -213,18 +152,7 @@ class Plant:
         return tuple(self._structure.equations.channels)
 
     def accepts(self, effect: Effect) -> bool:
-        """Return whether an effect can be added to this plant.
-
-        Parameters
-        ----------
-        effect : Effect
-            Effect to add.
-
-        Returns
-        -------
-        bool
-            False if the rig lacks the signal on which the effect acts, or the plant already has the effect.
-        """
+        """Return whether `effect` can be added: the rig has the signal on which it acts, and the plant lacks it."""
         if effect.name in self.effect_names:
             return False
         try:
@@ -256,34 +184,11 @@ class Plant:
         return self.parameters.array(self.parameters.free)
 
     def timeline(self, experiment: Experiment) -> Timeline:
-        """Return the commands of an experiment, beginning at rest.
-
-        Parameters
-        ----------
-        experiment : Experiment
-            Recordings on one clock.
-
-        Returns
-        -------
-        Timeline
-        """
+        """Return the commands of an `experiment`, beginning at rest."""
         return Timeline.of(experiment, self.rig.start, self.rig.sample_time, self.rig.reading)
 
     def given(self, timeline: Timeline, count: int | None = None) -> dict[str, Any]:
-        """Return the arguments with which a `runner` simulates this plant along a timeline.
-
-        Parameters
-        ----------
-        timeline : Timeline
-            Commands from rest on.
-        count : int, optional
-            Number of samples; all by default.
-
-        Returns
-        -------
-        dict
-            Arguments of `Runner.run` and `Runner.run_with_sensitivities`, by name.
-        """
+        """Return the arguments of `Runner.run` for `count` samples of a `timeline`, by default all."""
         return {
             "commands": timeline.commands[:count],
             "start": timeline.start,
@@ -302,10 +207,6 @@ class Plant:
             Experiment to simulate; only its commands are used. A single recording starts from rest.
         progress : callable, optional
             Function called with the completed share, 0 to 1.
-
-        Returns
-        -------
-        Simulation
 
         Raises
         ------
@@ -396,22 +297,7 @@ class Plant:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Make the plant from the data that `to_dict` returned.
-
-        Parameters
-        ----------
-        data : mapping
-            Plain data.
-
-        Returns
-        -------
-        Plant
-
-        Raises
-        ------
-        RigError
-            If the rig, an effect or a parameter is unknown.
-        """
+        """Make the plant from the `data` of `to_dict`; RigError if the rig, an effect or a parameter is unknown."""
         described = dict(data["rig"])
         rig = rig_kind(described.pop("kind")).from_dict(described)
         own = {

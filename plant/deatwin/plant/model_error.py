@@ -74,18 +74,7 @@ class Discrepancy:
         return self.rms / self.motion if self.motion > 0 else 0.0
 
     def at(self, commands: np.ndarray) -> np.ndarray:
-        """Return the rms model error at given commands.
-
-        Parameters
-        ----------
-        commands : ndarray, shape (m,)
-            Commands, in the rig's unit.
-
-        Returns
-        -------
-        ndarray, shape (m,)
-            Rms error, SI; linear between the centres of the intervals, constant beyond them.
-        """
+        """Return rms errors (m,), SI, at `commands` (m,): linear between the intervals' centres, then constant."""
         seen = np.isfinite(self.deviation)
         return np.interp(commands, self.commands[seen], self.deviation[seen])
 
@@ -101,10 +90,6 @@ class Discrepancy:
             Commands of the readings, in the rig's unit.
         before : float
             Rms error before the refit, SI.
-
-        Returns
-        -------
-        Discrepancy
         """
         rest = fine - coarse
         edges = np.linspace(commands.min(), commands.max(), BINS + 1)
@@ -129,17 +114,7 @@ class Discrepancy:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Make the discrepancy from the data that `to_dict` returned.
-
-        Parameters
-        ----------
-        data : mapping
-            Plain data.
-
-        Returns
-        -------
-        Discrepancy
-        """
+        """Make the discrepancy from the `data` that `to_dict` returned."""
         commands, mean, deviation = (
             np.array([np.nan if v is None else float(v) for v in data[name]])
             for name in ("commands", "mean", "deviation")

@@ -22,50 +22,19 @@ class Scale(Enum):
     RECIPROCAL = "1/value"
 
     def to_coordinate(self, value: float) -> float:
-        """Return the coordinate of a value.
-
-        Parameters
-        ----------
-        value : float
-            SI value.
-
-        Returns
-        -------
-        float
-        """
+        """Return the coordinate of an SI `value`."""
         if self is Scale.LINEAR:
             return value
         return float(np.log(value)) if self is Scale.LOGARITHMIC else 1.0 / value
 
     def to_value(self, coordinate: float) -> float:
-        """Return the value at a coordinate.
-
-        Parameters
-        ----------
-        coordinate : float
-            Coordinate, as from `to_coordinate`.
-
-        Returns
-        -------
-        float
-            SI value.
-        """
+        """Return the SI value at a `coordinate`."""
         if self is Scale.LINEAR:
             return coordinate
         return float(np.exp(coordinate)) if self is Scale.LOGARITHMIC else 1.0 / coordinate
 
     def slope(self, value: float) -> float:
-        """Return the derivative of the value with respect to its coordinate.
-
-        Parameters
-        ----------
-        value : float
-            SI value.
-
-        Returns
-        -------
-        float
-        """
+        """Return the derivative of an SI `value` with respect to its coordinate."""
         if self is Scale.LINEAR:
             return 1.0
         return value if self is Scale.LOGARITHMIC else -(value**2)
@@ -197,37 +166,11 @@ class ParameterSet(Mapping[str, Parameter]):
         return tuple(p.name for p in self.values() if not p.known)
 
     def array(self, names: Iterable[str] | None = None) -> np.ndarray:
-        """Return values in order.
-
-        Parameters
-        ----------
-        names : iterable of str, optional
-            Names of the parameters; all by default.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            SI values.
-        """
+        """Return the SI values of some `names`, or of all parameters, in order."""
         return np.array([self[name].value for name in (self if names is None else names)], dtype=float)
 
     def with_values(self, values: Mapping[str, float]) -> ParameterSet:
-        """Return the set with other values.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            New SI values by name.
-
-        Returns
-        -------
-        ParameterSet
-
-        Raises
-        ------
-        RigError
-            If a name is unknown or a value out of range.
-        """
+        """Return the set with new SI `values` by name; RigError if a name is unknown or a value out of range."""
         for name in values:
             self[name]
         return ParameterSet(replace(p, value=float(values[p.name])) if p.name in values else p for p in self.values())

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from deatwin.plant.errors import RigError
+from deatwin.plant.rigs.stated import require_number
 from deatwin.plant.safe_read import clipped
 
 ELECTRICAL_UNITS: Mapping[str, str] = {"current": "A", "capacitance": "F", "film_voltage": "V"}
@@ -56,12 +56,8 @@ class Reading:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip():
             raise RigError(f"a reading has the name {clipped(repr(self.name))}; it must be the name of a signal")
-        for name, least in (("noise", 0.0), ("model_error", -1.0), ("series_resistance", 0.0)):
-            value = getattr(self, name)
-            number = isinstance(value, Real) and not isinstance(value, bool)
-            if not (number and least < value < np.inf) or (name == "model_error" and value < 0.0):
-                need = "a number of at least 0" if name == "model_error" else "a number above 0"
-                raise RigError(f'{name} of the reading "{self.name}" is {clipped(repr(value))}; it must be {need}')
+        for name, least in (("noise", None), ("model_error", 0.0), ("series_resistance", None)):
+            require_number(f'{name} of the reading "{self.name}"', getattr(self, name), least=least)
         if not self.unit:
             object.__setattr__(self, "unit", ELECTRICAL_UNITS.get(self.name, ""))
 

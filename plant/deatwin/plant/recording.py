@@ -141,10 +141,6 @@ class Recording:
         provenance : mapping of str to str, optional
             Origin of the samples.
 
-        Returns
-        -------
-        Recording
-
         Raises
         ------
         DataError
@@ -195,18 +191,7 @@ class Recording:
         return self.start + self.duration
 
     def reading(self, name: str) -> NDArray[np.float64]:
-        """Return the output or the extra channel of a name.
-
-        Parameters
-        ----------
-        name : str
-            Name of the reading; the first output is meant if it is empty.
-
-        Returns
-        -------
-        array, shape (n,)
-            Values in SI units; NaN if not measured.
-        """
+        """Return the output or extra channel `name`, the first output if empty, SI, shape (n,); NaN if not measured."""
         if not name:
             return np.asarray(self.outputs[0])
         if name in self.output_names:
@@ -214,22 +199,7 @@ class Recording:
         return self.extras.get(name, np.full(self.n_samples, np.nan))
 
     def section(self, first: int, last: int) -> Self:
-        """Return the samples ``first`` to ``last - 1``; the clock is kept.
-
-        Parameters
-        ----------
-        first, last : int
-            Sample numbers, ``0 <= first < last <= n_samples``.
-
-        Returns
-        -------
-        Recording
-
-        Raises
-        ------
-        DataError
-            If the section is empty or reaches outside of the record.
-        """
+        """Return the samples `first` to `last` - 1, on the same clock; DataError if they are none or not all there."""
         if not 0 <= first < last <= self.n_samples:
             raise DataError(f"section [{first}, {last}) of a record of {self.n_samples} samples")
         return replace(

@@ -7,7 +7,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, partial
-from typing import Any, Protocol
+from typing import Any, NotRequired, Protocol, TypedDict, Unpack
 
 import casadi as ca
 import numpy as np
@@ -70,32 +70,23 @@ class Run:
         return self.look_for_snaps()
 
 
+class Given(TypedDict):
+    """Arguments of a run besides its commands."""
+
+    start: float  # Clock time of the first command, s
+    sample_time: float  # s
+    rest_command: float  # Command under which the plant rests before the first one
+    values: np.ndarray  # shape (n_p,): Free parameters
+    channels: NotRequired[Mapping[str, np.ndarray] | None]  # shape (n,) each: Further inputs by name
+
+
 class Runner(Protocol):
     """Interface that fits and diagnoses need: a plant's readings under commands, and their derivatives."""
 
-    def run(
-        self,
-        commands: np.ndarray,
-        *,
-        start: float,
-        sample_time: float,
-        rest_command: float,
-        values: np.ndarray,
-        channels: Mapping[str, np.ndarray] | None = None,
-        progress: Progress | None = None,
-    ) -> Run:
-        """Simulate from rest. Shapes: `commands` (n,); `values` (n_p,); `channels` (n,)."""
+    def run(self, commands: np.ndarray, *, progress: Progress | None = None, **given: Unpack[Given]) -> Run:
+        """Simulate from rest. Shapes: `commands` (n,)."""
 
-    def run_with_sensitivities(
-        self,
-        commands: np.ndarray,
-        *,
-        start: float,
-        sample_time: float,
-        rest_command: float,
-        values: np.ndarray,
-        channels: Mapping[str, np.ndarray] | None = None,
-    ) -> Run:
+    def run_with_sensitivities(self, commands: np.ndarray, **given: Unpack[Given]) -> Run:
         """Simulate from rest together with the derivatives by all free parameters."""
 
 
@@ -125,86 +116,52 @@ class Simulator:
     def _single(self) -> StepFunctions:
         return step_functions(self.equations)
 
-    def run(
-        self,
-        commands: np.ndarray,
-        *,
-        start: float,
-        sample_time: float,
-        rest_command: float,
-        values: np.ndarray,
-        channels: Mapping[str, np.ndarray] | None = None,
-        progress: Progress | None = None,
-    ) -> Run:
-        """Simulate from rest. Shapes: `commands` (n,); `values` (n_p,); `channels` (n,)."""
-        rest = rest_state(self.equations, rest_command, values)
-        if not rest.found:
-            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, rest.fault)
-        status = RunStatus.DONE
-        first = np.asarray(self._reading(rest, rest_command, start, values)).T
-        if not np.isfinite(first).all():
-            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, NO_READING)
-        times = start + sample_time * np.arange(commands.size)
-        inputs = self.equations.inputs(commands, rest_command, times, channels)
+    def run(self, commands: np.ndarray, *, progress: Progress | None = None, **given: Unpack[Given]) -> Run:
+        """Simulate from rest. Shapes: `commands` (n,)."""
+        opening = self._opening(commands, given)
+        if isinstance(opening, Run):
+            return opening
+        rest, first, inputs = opening
+        sample_time, values = given["sample_time"], given["values"]
         outputs, watched, unknowns = [first], [], [np.empty((len(self.equations.scale), 0))]
         march = March(self._march["plain_march"])
         x, z, d, *_, p, c = march.arguments
         x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants
         done = 0
-        for after_x, after_z, y, w in marched(march, 2, inputs, start, sample_time):
+        for after_x, after_z, y, w in marched(march, 2, inputs, given["start"], sample_time):
             outputs.append(y)
             unknowns.append(np.vstack([after_x.T, after_z.T]))
             watched.append(w.T)
             done += len(y)
             if progress is not None:
                 progress(done / commands.size)
-        path, fault = np.hstack(unknowns), ""
-        if done < commands.size:
-            status = self._why(rest, rest_command, commands[done], values)
-            fault = self._fault(status, rest, path, inputs[:, done], values)
+        path = np.hstack(unknowns)
+        status, fault = self._end(rest, commands[done:], path, inputs[:, done:], given)
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
-        find = partial(snap_throughs, self.equations, rest, path, inputs[:, :done], rest_command, values)
+        find = partial(snap_throughs, self.equations, rest, path, inputs[:, :done], given["rest_command"], values)
         run, rows = _run(status, [y[:, 0] for y in outputs], None, signals, fault), np.vstack(outputs)[:, 1:]
         return replace(run, look_for_snaps=find, further=combined(rows, sample_time))
 
-    def run_with_sensitivities(
-        self,
-        commands: np.ndarray,
-        *,
-        start: float,
-        sample_time: float,
-        rest_command: float,
-        values: np.ndarray,
-        channels: Mapping[str, np.ndarray] | None = None,
-    ) -> Run:
+    def run_with_sensitivities(self, commands: np.ndarray, **given: Unpack[Given]) -> Run:
         """Simulate from rest together with the derivatives by all free parameters."""
-        rest = rest_state(self.equations, rest_command, values)
-        if not rest.found:
-            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, rest.fault)
-        status = RunStatus.DONE
-        n_p = values.size
-        at_rest = self.equations.held_inputs(rest_command)
-        point = (rest.x, rest.z, rest.d, at_rest, start, values, self.equations.constants)
-        times = start + sample_time * np.arange(commands.size)
-        inputs = self.equations.inputs(commands, rest_command, times, channels)
-        first = np.asarray(self.equations.outputs(*point)).T
-        if not np.isfinite(first).all():
-            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, NO_READING)
-        outputs, slopes = [first], [self._rest_slope(point, rest.x_p, rest.z_p, rest.d_p)]
+        opening = self._opening(commands, given)
+        if isinstance(opening, Run):
+            return opening
+        rest, first, inputs = opening
+        sample_time, values = given["sample_time"], given["values"]
+        outputs, slopes = [first], [self._rest_slope(rest, given)]
         march = March(self._march["sensitive_march"])
         x, z, dx, dd, d, *_, p, c = march.arguments
         x[:], z[:], dx[:], d[:], p[:], c[:] = rest.x, rest.z, rest.x_p.T, rest.d, values, self.equations.constants
         dd[:] = np.tile(rest.d_p.T, (CHUNK, 1))
         done = 0
-        path, fault = np.empty((len(self.equations.scale), 0)), ""
-        for after_x, after_z, *_, y, dy in marched(march, 3, inputs, start, sample_time):
+        path = np.empty((len(self.equations.scale), 0))
+        for after_x, after_z, *_, y, dy in marched(march, 3, inputs, given["start"], sample_time):
             outputs.append(y)
-            slopes.append(dy.reshape(len(y), n_p, y.shape[1]))
+            slopes.append(dy.reshape(len(y), values.size, y.shape[1]))
             path = np.vstack([after_x.T, after_z.T]) if len(y) > 1 else path
             done += len(y)
-        if done < commands.size:
-            status = self._why(rest, rest_command, commands[done], values)
-            fault = self._fault(status, rest, path, inputs[:, done], values)
+        status, fault = self._end(rest, commands[done:], path, inputs[:, done:], given)
         by_values, rows = np.concatenate(slopes), np.vstack(outputs)[:, 1:]
         run = _run(status, [y[:, 0] for y in outputs], by_values[:, :, 0], None, fault)
         changes = combined_slopes(rows, by_values[:, :, 1:].swapaxes(1, 2), sample_time)
@@ -238,7 +195,20 @@ class Simulator:
         inputs = self.equations.held_inputs(command)
         return self.equations.outputs(rest.x, rest.z, rest.d, inputs, time, values, self.equations.constants)
 
-    def _rest_slope(self, point: tuple[Any, ...], x_p: np.ndarray, z_p: np.ndarray, d_p: np.ndarray) -> np.ndarray:
+    def _opening(self, commands: np.ndarray, given: Given) -> tuple[RestState, np.ndarray, np.ndarray] | Run:
+        """Return the state of rest, the readings there, and the inputs of each sample; or the run that has no rest."""
+        rest = rest_state(self.equations, given["rest_command"], given["values"])
+        if not rest.found:
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, rest.fault)
+        first = np.asarray(self._reading(rest, given["rest_command"], given["start"], given["values"])).T
+        if not np.isfinite(first).all():
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, NO_READING)
+        times = given["start"] + given["sample_time"] * np.arange(commands.size)
+        return rest, first, self.equations.inputs(commands, given["rest_command"], times, given.get("channels"))
+
+    def _rest_slope(self, rest: RestState, given: Given) -> np.ndarray:
+        held = self.equations.held_inputs(given["rest_command"])
+        point = (rest.x, rest.z, rest.d, held, given["start"], given["values"], self.equations.constants)
         pieces = []
         for output in filter(None, (self.equations.output, self.equations.further)):
             names = output.name_in()
@@ -246,7 +216,7 @@ class Simulator:
                 np.asarray(output.factory("s", names, [f"jac:{output.name_out(0)}:{n}"])(*point))
                 for n in (names[0], names[1], names[2], names[5])
             ]
-            pieces.append(slopes[0] @ x_p + slopes[1] @ z_p + slopes[2] @ d_p + slopes[3])
+            pieces.append(slopes[0] @ rest.x_p + slopes[1] @ rest.z_p + slopes[2] @ rest.d_p + slopes[3])
         return np.vstack(pieces).T[None]
 
     def _why(self, rest: RestState, rest_command: float, command: float, values: np.ndarray) -> RunStatus:
@@ -254,12 +224,16 @@ class Simulator:
         exists = has_equilibrium(self.equations, rest, rest_command, float(command), values)
         return RunStatus.NOT_SOLVED if exists else RunStatus.PULL_IN
 
-    def _fault(
-        self, status: RunStatus, rest: RestState, path: np.ndarray, inputs: np.ndarray, values: np.ndarray
-    ) -> str:
-        """Explain from the equations why a sample could not be solved; empty if the status is explanation enough."""
+    def _end(
+        self, rest: RestState, commands: np.ndarray, path: np.ndarray, inputs: np.ndarray, given: Given
+    ) -> tuple[RunStatus, str]:
+        """Return how a run ended that left commands (m,) and inputs (n_u, m), and why, if the status does not tell."""
+        if not commands.size:
+            return RunStatus.DONE, ""
+        status = self._why(rest, given["rest_command"], commands[0], given["values"])
         runs_away = status is RunStatus.PULL_IN and ACTED_ON not in self.equations.signals
-        return undefined_ahead(self.equations, rest, path, inputs, values) or (NO_EQUILIBRIUM if runs_away else "")
+        fault = undefined_ahead(self.equations, rest, path, inputs[:, 0], given["values"])
+        return status, fault or (NO_EQUILIBRIUM if runs_away else "")
 
 
 def _run(
@@ -307,7 +281,7 @@ class Stepper:
 
     @property
     def status(self) -> RunStatus:
-        """True if all samples so far are valid."""
+        """Status of the run so far."""
         return self._status
 
     @property

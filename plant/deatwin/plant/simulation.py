@@ -66,10 +66,6 @@ class Simulation(Brief):
             Names of the watched signals.
         unit : str
             Unit of the command.
-
-        Returns
-        -------
-        Simulation
         """
         full = np.full((1 + run.further.shape[1], timeline.commands.size + 1), np.nan)
         full[:, : run.outputs.size] = np.column_stack([run.outputs, run.further]).T
@@ -136,18 +132,7 @@ class Simulation(Brief):
         )
 
     def require(self) -> Self:
-        """Return this simulation if it reached its end; raise an error otherwise.
-
-        Returns
-        -------
-        Simulation
-            This simulation, also if the film lost tension or broke down on the way, as its status and events state.
-
-        Raises
-        ------
-        SimulationError
-            If it did not reach its end; the text gives time, command and place.
-        """
+        """Return this simulation; SimulationError with time, command and place if it did not reach its end."""
         if self.status.ok:
             return self
         where = ""

@@ -94,22 +94,7 @@ class Material:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Make the material from the data that `to_dict` returned.
-
-        Parameters
-        ----------
-        data : mapping
-            Plain data, also after a round trip through JSON.
-
-        Returns
-        -------
-        Material
-
-        Raises
-        ------
-        RigError
-            If the data are incomplete, or name an unknown energy.
-        """
+        """Make the material from the `data` of `to_dict`; RigError if it is incomplete or its energy unknown."""
         try:
             return cls(
                 name=str(data["name"]),

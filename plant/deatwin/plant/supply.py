@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from math import inf, isfinite
+from dataclasses import dataclass, fields
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
 from deatwin.plant.effects.electrode_loss import rate_of
 from deatwin.plant.errors import RigError
+from deatwin.plant.rigs.stated import require_number
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
@@ -63,18 +64,11 @@ class Supply:
     parallel_capacitance: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("current_limit", "series_resistance", "bleed_resistance"):
-            self._require(name, zero=False)
-        for name in ("sink_current", "parallel_capacitance"):
-            self._require(name, zero=True)
-
-    def _require(self, name: str, *, zero: bool) -> None:
-        value = getattr(self, name)
-        if value is None and name not in ("series_resistance", "parallel_capacitance"):
-            return
-        number = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
-        if not number or value < 0.0 or (value == 0.0 and not zero):
-            raise RigError(f"{name} of the supply is {value!r}; it must be a number {'from' if zero else 'above'} 0")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is not None or field.default is not None:
+                from_zero = field.name in ("sink_current", "parallel_capacitance")
+                require_number(f"{field.name} of the supply", value, least=0.0 if from_zero else None)
 
     def voltage(self, wanted: Symbol, film: AnyFilm, build: Builder) -> Symbol:
         """Return the voltage across the film, V.

@@ -17,10 +17,6 @@ def thesis_plant() -> Plant:
     a finite-element membrane up to 3 kV, the largest voltage. With the chosen material values the membrane gives the
     reported stroke: about a millimetre at 3 kV, nearly linear below a command of 2.5 V.
 
-    Returns
-    -------
-    Plant
-
     References
     ----------
     W. R. Jacobs, "Identification and Frequency Response Analysis with Application to Soft Smart Actuators",

@@ -21,6 +21,7 @@ from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
+from deatwin.studies.report.words import as_sentence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -207,9 +208,9 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     return StoryPage(
         title="frequency",
         sentence=f"Frequency responses of {orders} were computed at an operating input of {found.about}: {found.first.status.value}.",
-        caveats=[f"{text[:1].upper()}{text[1:]}." for text in found.caveats],
+        caveats=[as_sentence(text) for text in found.caveats],
         rows=rows,
-        notes=[Note(title="Notes", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
+        notes=[Note(title="Notes", paragraphs=[as_sentence(text) for text in messages])],
         figures=drawings,
         tables=[ranges],
         next=_next(found) if all(row.passed for row in rows) else MISSED,

@@ -10,6 +10,7 @@ from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.prefixes import with_unit
 from deatwin.studies.report.drawing import Drawing, draw
 from deatwin.studies.report.tables import drawn_table
+from deatwin.studies.report.words import as_sentence
 
 if TYPE_CHECKING:
     from deatwin.plant.recording import Recording
@@ -39,8 +40,7 @@ def periodic_drawing(found: BestLinearApproximation) -> Drawing:
     with draw((7.4, 5.6)) as figure:
         found.plot(list(figure.subplots(2, 1)))
         figure.align_ylabels()
-        text = str(found)
-        caption = f"{text[:1].upper()}{text[1:]}."
+        caption = as_sentence(str(found))
         return Drawing.of(
             figure, "best_linear", "Best linear approximation, estimated without a model", caption, drawn_table(figure)
         )

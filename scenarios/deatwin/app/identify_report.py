@@ -19,6 +19,7 @@ from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing, Hue, draw, plain_numbers
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
 from deatwin.studies.report.tables import drawn_table
+from deatwin.studies.report.words import as_sentence
 
 if TYPE_CHECKING:
     from deatwin.ident.look import BestLinearApproximation
@@ -130,7 +131,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     )
     unstable = found.tested.pole
     more = [] if unstable is None else unstable.sentences(found.model.output_units)
-    paragraphs = [f"{text[:1].upper()}{text[1:]}." for text in (said, *more)]
+    paragraphs = [as_sentence(text) for text in (said, *more)]
     notes = [Note(title="Residual", paragraphs=paragraphs)]
     if found.clocks:
         notes.append(Note(title="Sampling", paragraphs=[f"{said}." for said in found.clocks]))
@@ -139,7 +140,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
             Note(title="Interrupted", paragraphs=["The search for terms was interrupted before it was complete."])
         )
     if found.notes:
-        notes.append(Note(title="About the fit", paragraphs=[f"{note[:1].upper()}{note[1:]}." for note in found.notes]))
+        notes.append(Note(title="About the fit", paragraphs=[as_sentence(note) for note in found.notes]))
     if not tables:
         notes.append(
             Note(

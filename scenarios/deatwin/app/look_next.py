@@ -66,7 +66,7 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     )
     if rig is not None:
         return _diagnosis(rig, alike, left_out)
-    rich = [(file, other) for file, other in alike if _has_many_frequencies(other)]
+    rich = [(file, other) for file, other in alike if any(p.shape is InputShape.NOISE for p in other.patterns)]
     used = rich or alike
     paths, best = [file.path for file, _ in used], used[0][1]
     kept = [file.path for file, _ in alike if file.path not in paths]
@@ -85,10 +85,6 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
         words += ["--method", "semp"]
         sentence += f"; the command uses --method semp, because for {_FEW_FREQUENCIES} the default method may find a model that diverges"
     return Next(sentence=sentence, command=shlex.join(["deatwin", "identify", *words, "--out", "narx.json"]))
-
-
-def _has_many_frequencies(look: Look) -> bool:
-    return any(pattern.shape is InputShape.NOISE for pattern in look.patterns)
 
 
 def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str) -> Next:

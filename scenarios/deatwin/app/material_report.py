@@ -12,6 +12,7 @@ from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing, draw, standalone
 from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
+from deatwin.studies.report.words import as_sentence
 
 MATERIAL_FILE = "material.toml"
 _TITLES = {"stretch": "Stress over stretch", "time": "Stress over time", "frequency": "Moduli over frequency"}
@@ -71,11 +72,11 @@ def _page(found: CalibratedMaterial, drawings: list[Drawing]) -> StoryPage:
             "natural logarithm of the odds against this choice": lambda one: f"{one.behind:.1f}",
         },
     )
-    notes = [Note(title="What the tests cannot determine", paragraphs=[_sentence(note) for note in found.notes])]
+    notes = [Note(title="What the tests cannot determine", paragraphs=[as_sentence(note) for note in found.notes])]
     notes.append(Note(title="In a rig file", paragraphs=[_USE], code=f'[film]\nmaterial = "{MATERIAL_FILE}"'))
     return StoryPage(
         title="material",
-        sentence=_sentence(found.sentence),
+        sentence=as_sentence(found.sentence),
         rows=[],
         notes=notes,
         figures=drawings,
@@ -87,7 +88,3 @@ _USE = (
     f"Put {MATERIAL_FILE} next to the rig file, and set the key material in the section [film] of the rig file as shown below. The "
     f"ranges in {MATERIAL_FILE} are the 95 % intervals; widen them if the film of the rig may differ from the specimens in batch or thickness."
 )
-
-
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}."

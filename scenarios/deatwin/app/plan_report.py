@@ -11,6 +11,7 @@ from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
+from deatwin.studies.report.words import as_sentence
 
 
 def write_plan(found: ExperimentPlan, folder: ResultFolder, record: RunRecord) -> None:
@@ -86,7 +87,7 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
         )
     return StoryPage(
         title="plan",
-        sentence=f"{found.sentence[:1].upper()}{found.sentence[1:]}.",
+        sentence=as_sentence(found.sentence),
         rows=[],
         notes=[Note(title="How this was computed", paragraphs=list(_said(found, unit)))],
         figures=drawings,

@@ -50,15 +50,11 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
     if wanted == "auto":
         made = [decimate(record, choice.factor, reading=reading) for record in records]
         return Thinned(records=made, notes=[_done(choice.factor, made, f", because {reason}")])
-    if not advised(records, choice):
-        return Thinned(records=records, notes=[])
-    return Thinned(
-        records=records,
-        notes=[
-            f"the recordings are sampled every {choice.sample_time:g} s, far too fast for a NARX model ({reason}); use "
-            f"--decimate auto, which keeps a sample every {slower:g} s"
-        ],
+    told = (
+        f"the recordings are sampled every {choice.sample_time:g} s, far too fast for a NARX model ({reason}); use "
+        f"--decimate auto, which keeps a sample every {slower:g} s"
     )
+    return Thinned(records=records, notes=[told] if advised(records, choice) else [])
 
 
 def advised(records: Sequence[Recording], choice: SamplingChoice) -> bool:

@@ -48,11 +48,7 @@ def unwrapped(text: str | None) -> str:
 def _untyped(parameters: list[Any]) -> list[Any]:
     for parameter in parameters:
         if parameter.param_type_name == "argument" and parameter.metavar is not None:
-            parameter.display_type_rich = _nothing  # typer would add <list[Path]> to REC...
+            parameter.display_type_rich = lambda *_, **__: ""  # typer would add <list[Path]> to REC...
         if getattr(parameter, "is_flag", False) and parameter.metavar is None:
             parameter.metavar = ""
     return parameters
-
-
-def _nothing(*_: Any, **__: Any) -> str:
-    return ""

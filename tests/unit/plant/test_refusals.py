@@ -1,7 +1,6 @@
 """What excitations, recordings, experiments and parameters refuse, and with what words."""
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 import pandas
@@ -34,11 +33,8 @@ from deatwin.plant.excitation import (
     share_above_band,
     staircase,
     triangles,
-    two_level_noise,
     with_alternating_polarity,
-    with_rests,
 )
-from deatwin.plant.laws import random_walk
 
 H = 0.02
 RNG = np.random.default_rng(0)
@@ -64,7 +60,6 @@ def ramp(start: float = 0.0, sample_time: float = H, **names: object) -> Recordi
     return arrays(np.linspace(1.0, 2.0, 100), np.linspace(0.0, 1e-4, 100), sample_time, start=start, **names)
 
 
-two_levels = partial(two_level_noise, RNG, 100.0, H)
 EXCITATION: list[tuple[Callable[[], object], str]] = [
     (lambda: noise(band=26.0), "at most half the sample rate, 25 Hz"),
     (lambda: noise(band=0.0), "band 0 Hz"),
@@ -75,12 +70,6 @@ EXCITATION: list[tuple[Callable[[], object], str]] = [
     (lambda: noise(duration=0.0), "at least one sample"),
     (lambda: noise(duration=np.inf), "at least one sample"),
     (lambda: noise(sample_time=0.0), "at least one sample"),
-    (lambda: two_levels(means=(1.6,)), "1 means and 2 variances"),
-    (lambda: two_levels(means=(), variances=()), "0 means"),
-    (lambda: two_levels(variances=(0.1, -0.1)), "variances >= 0"),
-    (lambda: two_levels(means=(0.5, 2.0)), "lower < means < upper"),
-    (lambda: two_levels(segment=0.001), r"segment 0\.001 s"),
-    (lambda: two_levels(band=30.0), "half the sample rate"),
     (lambda: share_above_band(np.full(5, 2.4), H, 1.0), "constant commands"),
     (lambda: share_above_band(np.arange(5.0), H, 0.0), "both must be above 0"),
     (lambda: share_above_band([[1.0, 2.0, 3.0]], H, 1.0), r"commands of shape \(1, 3\)"),
@@ -99,10 +88,7 @@ EXCITATION: list[tuple[Callable[[], object], str]] = [
     (lambda: triangles(H, rates=()), "0 rates"),
     (lambda: triangles(H, cycles=0), "0 cycles"),
     (lambda: triangles(H, upper=1.0), "lower < upper"),
-    *((lambda wrong=wrong: with_rests(wrong, 1.0, 1.0, 1.0), "one finite number") for wrong in ([], [[1.0]], [np.nan])),
     (lambda: with_alternating_polarity([1.0, np.nan], 1.0, 1.0), "one row of at least one finite number"),
-    (lambda: with_rests([1.0], 1.0, every=0.1, rest=1.0), r"every 0\.1 s"),
-    (lambda: with_rests([1.0], 1.0, every=1.0, rest=0.1), r"rest 0\.1 s"),
     (lambda: with_alternating_polarity([1.0], 1.0, segment=0.1), r"segment 0\.1 s"),
     (lambda: random_odd_harmonics(RNG, 40.0, 2.0, group=1), "groups of 1"),
     (lambda: random_odd_harmonics(RNG, 40.0, 2.0, group=41), "groups of 41 among 40"),
@@ -235,7 +221,6 @@ def test_parameters_that_cannot_be(act: Callable[[], object], says: str) -> None
         lambda seed: band_limited_noise(seed, 10.0, H),
         lambda seed: random_holds(seed, 10.0, H, 1.0, 3.0),
         lambda seed: random_odd_harmonics(seed, 40.0, 2.0),
-        lambda seed: random_walk(seed, 10.0, 1.0, 4.5),
     ],
 )
 def test_a_seed_is_no_generator(draw: Callable[[object], object]) -> None:

@@ -38,7 +38,7 @@ from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.narx import linearise
 from deatwin.control.progress import Progress
-from deatwin.ident.frequency.checks import real_numbers
+from deatwin.ident.arguments import real_numbers
 from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.ident.narx.residual import DivergedError
 from deatwin.plant.calibrated import CalibratedPlant

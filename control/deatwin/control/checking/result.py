@@ -230,13 +230,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
         return "".join(f" {text[0].upper()}{text[1:]}." for text in self.caveats)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the step reference, the output that the identified model predicted, and the output of the plant model.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot step reference, predicted output and output of the plant model over time, on `ax` or new axes."""
         axes = axes_or_new(ax)
         if self.predicted is not None:
             self.predicted.plot(axes)

@@ -51,13 +51,7 @@ class OperatingPoint:
 
     @classmethod
     def of(cls, linear: LinearModel) -> Self:
-        """Describe the operating point of a linear model.
-
-        Parameters
-        ----------
-        linear : LinearModel
-            Linear model, of any status.
-        """
+        """Describe the operating point of a model `linear` of any status."""
         settles = linear.operating_output is not None
         return cls(
             input=linear.operating_input,

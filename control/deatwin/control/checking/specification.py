@@ -54,13 +54,7 @@ class Limit:
             )
 
     def judge(self, value: float) -> Verdict:
-        """Judge a number.
-
-        Parameters
-        ----------
-        value : float
-            Number, in the unit of the limit; NaN fails.
-        """
+        """Judge a `value` in the unit of the limit; NaN fails."""
         sign = 1.0 if self.more_is_better else -1.0
         if sign * value >= sign * self.good:
             return Verdict.PASS

@@ -27,7 +27,7 @@ from deatwin.control.checking.verdict import (
     worst,
 )
 from deatwin.control.controllers.base import Controller
-from deatwin.control.linear.family import draw, linearise_many
+from deatwin.control.linear.family import linearise_many
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.plant import draw_plants, linearise_plants
 from deatwin.control.linear.varying import linearise_along
@@ -35,6 +35,7 @@ from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop, predict_loop
 from deatwin.control.progress import Progress, part
 from deatwin.control.stability.bands import band_margins
+from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.ident.narx.excited import Excitation
 from deatwin.ident.narx.residual import Residual
@@ -139,7 +140,7 @@ class Subject:
     def _model_rows(self) -> tuple[MarginRow, tuple[MarginRow, ...]]:
         """Return margins at the controller's own operating point, and at all points and times."""
         reading = self.plant.plant.rig.reading
-        thetas = np.vstack([self.model.theta, draw(self.model, self.rng, self.samples)])
+        thetas = np.vstack([self.model.theta, draw_theta(self.model, self.rng, self.samples)])
         family = linearise_many(self.model, self.points, thetas).in_loop(reading)
         rows = rows_of_family("model", family, self.controller)
         here = rows[int(np.flatnonzero(self.points == self.controller.operating_input)[0])]

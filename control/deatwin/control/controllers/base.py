@@ -103,28 +103,11 @@ class Controller(ABC):
 
     @abstractmethod
     def local(self, operating_input: float) -> Law:
-        """Linearise the controller about an operating point, away from the limits.
-
-        Parameters
-        ----------
-        operating_input : float
-            Constant input at the operating point, in the input's unit.
-        """
+        """Linearise the controller about a constant `operating_input`, in the input's unit, away from the limits."""
 
     @abstractmethod
     def scaled(self, factor: float) -> Self:
-        """Return the same controller with another loop gain.
-
-        Parameters
-        ----------
-        factor : float
-            Multiplier of the loop gain.
-
-        Raises
-        ------
-        ControlError
-            If the factor is zero or not finite.
-        """
+        """Return the controller with its loop gain multiplied by `factor`; ControlError if it is 0 or not finite."""
 
     @abstractmethod
     def details(self) -> dict[str, Any]:
@@ -144,14 +127,7 @@ class Controller(ABC):
         """
 
     def to_control(self) -> NonlinearIOSystem:
-        """Return the controller with its limits as a discrete system of python-control.
-
-        Returns
-        -------
-        control.NonlinearIOSystem
-            System from ``reference`` and ``reading`` to ``command``, with ``dt`` equal to the sampling time and `start`
-            as its initial state. For the linear law alone see `local` and `Law.to_control`.
-        """
+        """Return a system of python-control from reference and reading to the command within its limits."""
         import control
 
         def update(t: float, x: Array, u: Array, params: Mapping[str, Any]) -> Array:

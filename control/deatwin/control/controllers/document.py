@@ -51,10 +51,6 @@ def controller_from_dict(data: Mapping[str, Any]) -> Controller:
     data : mapping
         Plain data that `controller_to_dict` returned.
 
-    Returns
-    -------
-    Controller
-
     Raises
     ------
     ControlError

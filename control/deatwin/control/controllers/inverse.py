@@ -113,48 +113,15 @@ class StaticCurve(Described):
         return inputs, np.maximum.accumulate(self._forward(inputs)), pieces
 
     def output(self, value: ArrayLike) -> Array:
-        """Return the output at rest for a constant input.
-
-        Parameters
-        ----------
-        value : array_like
-            Constant input, in its unit; beyond the ends of the curve, the output of the nearest end is returned.
-
-        Returns
-        -------
-        ndarray
-            Output at rest, in its unit.
-        """
+        """Return the outputs at rest, in their unit, for constant inputs `value`; constant beyond the curve's ends."""
         return np.asarray(self._forward(np.clip(value, self.inputs[0], self.inputs[-1])), dtype=np.float64)
 
     def slope(self, value: ArrayLike) -> Array:
-        """Return the static gain at a constant input.
-
-        Parameters
-        ----------
-        value : array_like
-            Constant input, in its unit.
-
-        Returns
-        -------
-        ndarray
-            Static gain, output unit per input unit.
-        """
+        """Return the static gains, output unit per input unit, at constant inputs `value`."""
         return np.asarray(self._forward(np.clip(value, self.inputs[0], self.inputs[-1]), 1), dtype=np.float64)
 
     def input(self, value: ArrayLike) -> Array:
-        """Return the constant input that holds a given output.
-
-        Parameters
-        ----------
-        value : array_like
-            Output at rest, in its unit.
-
-        Returns
-        -------
-        ndarray
-            Constant input, in its unit.
-        """
+        """Return the constant inputs, in their unit, that hold the outputs `value`."""
         inputs, outputs, pieces = self._table
         wanted = np.clip(np.asarray(value, dtype=np.float64), outputs[0], outputs[-1])
         cell = np.clip(np.searchsorted(outputs, wanted, side="right") - 1, 0, pieces.size - 1)
@@ -180,13 +147,7 @@ class StaticCurve(Described):
         return 2.0 * float(np.finfo(np.float64).eps * np.abs(self.inputs).max())
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the output at rest over the constant input.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the output at rest over the constant input, on `ax` or new axes."""
         axes = axes_or_new(ax)
         inputs, outputs, _ = self._table
         axes.plot(inputs, outputs)

@@ -89,28 +89,11 @@ class Law:
         )
 
     def scaled(self, factor: float) -> Law:
-        """Return the law with its command multiplied by a factor.
-
-        Parameters
-        ----------
-        factor : float
-            Multiplier of the command; it may have a unit.
-        """
+        """Return the law with its command multiplied by `factor`, which may have a unit."""
         return Law(a=self.a, b=self.b, c=factor * self.c, d=factor * self.d)
 
     def with_feedback(self, factor: float) -> Law:
-        """Return the law with another gain on the error; its response to the reference fed forward is unchanged.
-
-        Parameters
-        ----------
-        factor : float
-            Multiplier of the feedback, dimensionless.
-
-        Returns
-        -------
-        Law
-            Law with the same A and C. The feedforward part, static or dynamic, is unchanged.
-        """
+        """Return the law with its gain on the error times `factor`; A, C and what is fed forward stay the same."""
         b, d = np.array(self.b), np.array(self.d)
         for column in (b.T, d):
             column[REFERENCE] += (1.0 - factor) * column[READING]
@@ -118,13 +101,7 @@ class Law:
         return Law(a=self.a, b=b, c=self.c, d=d)
 
     def feedforward(self, gain: float) -> Law:
-        """Return the law with a multiple of the reference added to its command.
-
-        Parameters
-        ----------
-        gain : float
-            Multiplier of the reference, input unit per output unit.
-        """
+        """Return the law with the reference times `gain`, input unit per output unit, added to its command."""
         return Law(a=self.a, b=self.b, c=self.c, d=self.d + np.array([gain, 0.0]))
 
     @property
@@ -133,20 +110,7 @@ class Law:
         return self._transfer(-self.b[:, READING], -self.d[READING])
 
     def feedback_response(self, omega: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
-        """Frequency response of `feedback`.
-
-        Parameters
-        ----------
-        omega : array_like, shape (n,)
-            Angular frequencies above 0, rad/s.
-        sample_time : float
-            Sampling time, s.
-
-        Returns
-        -------
-        ndarray of complex, shape (n,)
-            Frequency response, input unit per output unit.
-        """
+        """Return `feedback` at `omega` (n,) in rad/s, input unit per output unit; `sample_time` in s."""
         numerator, denominator = self.feedback
         shift = np.exp(-1j * np.asarray(omega, dtype=np.float64) * sample_time)
         values = np.polyval(numerator[::-1], shift) / np.polyval(denominator[::-1], shift)
@@ -187,18 +151,7 @@ class Law:
         return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
 
     def to_control(self, sample_time: float) -> StateSpace:
-        """Return the law as a discrete system of python-control.
-
-        Parameters
-        ----------
-        sample_time : float
-            Sampling time, s.
-
-        Returns
-        -------
-        control.StateSpace
-            System from ``reference`` and ``reading`` to ``command``.
-        """
+        """Return the law as a system of python-control, from reference and reading to command; `sample_time` in s."""
         import control
 
         return control.ss(
@@ -217,13 +170,7 @@ class Law:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Rebuild a law from plain data.
-
-        Parameters
-        ----------
-        data : mapping
-            Plain data that `to_dict` returned.
-        """
+        """Rebuild a law from the `data` that `to_dict` returned."""
         n = len(data["c"])
         return cls(
             a=np.reshape(data["a"], (n, n)),

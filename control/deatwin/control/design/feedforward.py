@@ -50,37 +50,13 @@ class InverseFilter:
     error: float
 
     def response(self, omega: Array, sample_time: float) -> Complex:
-        """Return the frequency response of the filter.
-
-        Parameters
-        ----------
-        omega : ndarray, shape (n,)
-            Angular frequencies, rad/s.
-        sample_time : float
-            Sampling time, s.
-
-        Returns
-        -------
-        ndarray of complex, shape (n,)
-            Frequency response, dimensionless.
-        """
+        """Return the filter's frequency response at `omega` (n,) in rad/s; `sample_time` in s."""
         z = np.exp(1j * np.asarray(omega) * sample_time)
         states = np.linalg.solve(z[:, None, None] * np.eye(self.c.size) - self.a, self.b[None, :, None])
         return np.asarray(states[:, :, 0] @ self.c + self.d, dtype=np.complex128)
 
     def before(self, law: Law) -> Law:
-        """Return a law with the filtered reference added to its command.
-
-        Parameters
-        ----------
-        law : Law
-            Law whose command has the output's unit.
-
-        Returns
-        -------
-        Law
-            Law with the filter's states appended to its own.
-        """
+        """Return `law`, in the output's unit, with the filtered reference added and the filter's states appended."""
         n, m = law.c.size, self.c.size
         b = np.vstack([law.b, np.stack([self.b, np.zeros(m)], axis=1)])
         a = np.block([[law.a, np.zeros((n, m))], [np.zeros((m, n)), self.a]])
@@ -102,10 +78,6 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
         Model of the actuator as the controller sees it (`LinearModel.in_loop`).
     band_Hz : float
         Upper end of the frequency band of the references, Hz; below half the sampling rate.
-
-    Returns
-    -------
-    InverseFilter
 
     Raises
     ------

@@ -48,10 +48,6 @@ def static_curve(system: Any, command_range: Limits, *, count: int = 33) -> Stat
     count : int
         Number of points, evenly spaced.
 
-    Returns
-    -------
-    StaticCurve
-
     Raises
     ------
     ControlError

@@ -56,20 +56,7 @@ class PidGains:
 
     @classmethod
     def of_law(cls, law: Law, sample_time: float) -> PidGains | None:
-        """Recover the gains from a law that `law` made, possibly scaled.
-
-        Parameters
-        ----------
-        law : Law
-            Law of any controller.
-        sample_time : float
-            Sampling time h, s.
-
-        Returns
-        -------
-        PidGains or None
-            Gains, or None if the law is not of this form.
-        """
+        """Return the gains of which `law`, at its `sample_time` in s, was made and perhaps scaled, or None."""
         if law.c.size not in (1, 2) or law.a[0, 0] != 1.0 or not law.c[0]:
             return None
         step = float(law.b[0, REFERENCE] * law.c[0])

@@ -85,13 +85,7 @@ class Frd(Described):
         return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", parts, self.covariance, parts).clip(min=0.0)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the gain with its pointwise 95 % band over frequency.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the gain with its pointwise 95 % band over frequency, on `ax` or new axes."""
         axes = axes_or_new(ax)
         shown = self.omega > 0.0  # a logarithmic axis cannot show zero
         frequency, gain = self.omega[shown] / (2 * np.pi), np.abs(self.values[shown])

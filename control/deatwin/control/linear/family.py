@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.arguments import generator, instance, numbers, positive, require_fields, taking, whole
+from deatwin.control.arguments import instance, numbers, positive, require_fields, taking
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.realisation import Realisation
-from deatwin.ident.frequency.checks import polynomial_model, real_numbers
+from deatwin.ident.arguments import real_numbers
+from deatwin.ident.frequency.checks import polynomial_model
 from deatwin.ident.frequency.dc import equilibrium, expand
 from deatwin.ident.frequency.linear import levels, motion, operating_input_of
 from deatwin.ident.frequency.many import follow_equilibrium, stable_polynomials
-from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime, require_reading_time
@@ -211,20 +211,7 @@ class LinearFamily:
         return replace(self, numerators=np.pad(self.numerators, ((0, 0), (0, 0), (1, 0))), realisations=late)
 
     def at(self, point: int, sample: int) -> LinearModel:
-        """Return the model of a sample at an operating point.
-
-        Parameters
-        ----------
-        point : int
-            Index of the operating point.
-        sample : int
-            Index of the sample.
-
-        Returns
-        -------
-        LinearModel
-            Model without covariance, because the samples carry the spread.
-        """
+        """Return the model of one `sample` at one operating `point`, both by index, without a covariance."""
         signals = self._signals | {"operating_input": float(self.operating_inputs[point])}
         if not self.exists[point, sample]:
             return LinearModel.without_equilibrium(_LOST, **signals)
@@ -247,27 +234,6 @@ class LinearFamily:
         return {name: getattr(self, name) for name in names}
 
 
-@taking(model=instance(NarxModel), rng=generator, count=whole(0))
-def draw(model: NarxModel, rng: np.random.Generator, count: int) -> Array:
-    """Draw parameters from a model's posterior.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Model with the covariance of its parameters (normal, or Student-t if ``theta_dof`` is finite).
-    rng : numpy.random.Generator
-        Random generator for the draws.
-    count : int
-        Number of draws.
-
-    Returns
-    -------
-    ndarray, shape (count, n_terms)
-        Parameters in SI units, for `linearise_many`.
-    """
-    return draw_theta(model, rng, count)
-
-
 @taking(model=instance(NarxModel))
 def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayLike | None = None) -> LinearFamily:
     """Linearise a single-input, single-output model at many operating points and for many parameter samples at once.
@@ -282,11 +248,7 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     operating_inputs : array_like, shape (n_points,)
         Constant inputs, in their unit.
     thetas : array_like, shape (n_samples, n_terms), optional
-        Parameter samples, such as `draw` returns; the model's own parameters alone by default.
-
-    Returns
-    -------
-    LinearFamily
+        Parameter samples, such as `ThetaPosterior.sample` draws; the model's own parameters alone by default.
 
     Raises
     ------

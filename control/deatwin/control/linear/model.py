@@ -213,26 +213,14 @@ class LinearModel(Described):
         return self
 
     def require(self) -> Self:
-        """Return this model if a controller can be designed on it.
-
-        Raises
-        ------
-        ModelError
-            If no controller can be designed on it; the text is the advice.
-        """
+        """Return this model; ModelError, with the advice, if no controller can be designed on it."""
         if self.status.ok:
             return self
         raise ModelError(f"{self.status.value}" + (f" ({self.detail})" if self.detail else ""))
 
     @property
     def rest_output(self) -> float:
-        """Return the output at rest at the operating point, in its unit.
-
-        Raises
-        ------
-        ModelError
-            If there is no equilibrium.
-        """
+        """Return the output at rest at the operating point, in its unit; ModelError if there is no equilibrium."""
         if self.operating_output is None:
             raise ModelError(self.status.value + (f" ({self.detail})" if self.detail else ""))
         return self.operating_output
@@ -277,18 +265,7 @@ class LinearModel(Described):
         return float(np.sqrt(max(slopes @ self.covariance @ slopes, 0.0)))
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Return the frequency response.
-
-        Parameters
-        ----------
-        omega : array_like, shape (n,)
-            Angular frequencies, rad/s.
-
-        Returns
-        -------
-        ndarray of complex, shape (n,)
-            Frequency response, output unit per input unit.
-        """
+        """Return the frequency response at `omega` (n,) in rad/s, output unit per input unit."""
         delay = np.exp(-1j * np.asarray(omega, dtype=np.float64) * self.sample_time)
         if self.realisation is not None:
             return self.realisation.response(delay.ravel()).reshape(delay.shape)
@@ -296,18 +273,7 @@ class LinearModel(Described):
         return np.asarray(values, dtype=np.complex128)
 
     def step_response(self, count: int) -> Array:
-        """Return the response to a unit step of the input.
-
-        Parameters
-        ----------
-        count : int
-            Number of samples.
-
-        Returns
-        -------
-        ndarray, shape (count,)
-            Response, output unit per input unit; the input steps at the first sample.
-        """
+        """Return `count` samples of the response to a unit step at the first one, output unit per input unit."""
         from scipy.signal import lfilter
 
         if self.realisation is not None:
@@ -371,18 +337,7 @@ class LinearModel(Described):
         return control.tf(num, den, self.sample_time, inputs=[self.input_name], outputs=[self.output_name])
 
     def state_space(self) -> StateSpace:
-        """Return a state-space realisation as a discrete system of python-control.
-
-        Returns
-        -------
-        control.StateSpace
-            State-space system with ``dt`` equal to the sampling time.
-
-        Raises
-        ------
-        ModelError
-            If there is no equilibrium.
-        """
+        """Return a state space of python-control with ``dt`` in s; ModelError if there is no equilibrium."""
         import control
 
         if self.realisation is None:

@@ -11,9 +11,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deatwin.control.arguments import generator, taking, whole
 from deatwin.control.linear.bands import FamilyBands
-from deatwin.control.linear.family import draw, linearise_many
+from deatwin.control.linear.family import linearise_many
 from deatwin.control.linear.plant import draw_plants, linearise_plants
+from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.datasets import Metadata, coordinate
@@ -58,10 +60,6 @@ def gain_schedule(
     samples : int
         Number of samples.
 
-    Returns
-    -------
-    GainSchedule
-
     Raises
     ------
     ModelError
@@ -70,11 +68,12 @@ def gain_schedule(
     raise ModelError(f"a {type(source).__name__} has no gain schedule; give a NarxModel, a CalibratedPlant or a Plant")
 
 
-@gain_schedule.register
+@gain_schedule.register(NarxModel)
+@taking(rng=generator, samples=whole(0))
 def _of_model(
     source: NarxModel, operating_inputs: ArrayLike, rng: np.random.Generator, samples: int = 200
 ) -> GainSchedule:
-    thetas = np.vstack([source.theta, draw(source, rng, samples)])
+    thetas = np.vstack([source.theta, draw_theta(source, rng, samples)])
     return GainSchedule(family=linearise_many(source, operating_inputs, thetas))
 
 

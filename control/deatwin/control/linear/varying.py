@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import generator, instance, taking, whole
 from deatwin.control.linear.bands import FamilyBands
-from deatwin.control.linear.family import LinearFamily, draw, linearise_many
+from deatwin.control.linear.family import LinearFamily, linearise_many
 from deatwin.control.progress import Progress
+from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.frequency.varying.along_time import checked_inputs, checked_times
 from deatwin.ident.frequency.varying.following import followed
 from deatwin.ident.narx.trajectory import ThetaTrajectory
@@ -80,10 +81,6 @@ def linearise_along(
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1.
 
-    Returns
-    -------
-    VaryingLinear
-
     Raises
     ------
     ModelError
@@ -98,7 +95,7 @@ def linearise_along(
         # The same standard draws at all times keep each sample equally far from the model, so that bands are smooth.
         same = np.random.default_rng(seed)
         one = trajectory.at(time) if model is None else model
-        family = linearise_many(one, [level], np.vstack([one.theta, draw(one, same, samples)]))
+        family = linearise_many(one, [level], np.vstack([one.theta, draw_theta(one, same, samples)]))
         families.append(family if model is not None else _emptied(family))
         if progress is not None:
             progress(len(families) / timepts.size)

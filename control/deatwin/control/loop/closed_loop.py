@@ -162,13 +162,7 @@ class ClosedLoop(Described):
         return max(measure(error) for error in late) / smallest
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot reference and output over time.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot reference and output over time, on `ax` or new axes."""
         axes = axes_or_new(ax)
         unit, size = written_amplitude(self.output_unit)
         axes.plot(self.timepts, self.measured / size, color="0.8", linewidth=0.8, label="simulated reading")
@@ -180,20 +174,7 @@ class ClosedLoop(Described):
         return axes
 
     def variables(self, dimension: str, before: str = "") -> Variables:
-        """Return the run as variables for `deatwin.plant.datasets.dataset`.
-
-        Parameters
-        ----------
-        dimension : str
-            Name of the time dimension.
-        before : str
-            Prefix of the variables' names.
-
-        Returns
-        -------
-        mapping of str to tuple
-            Variables by name.
-        """
+        """Return the run for `datasets.dataset`, with the time `dimension` and the prefix `before` of all names."""
         units = {"command": self.input_unit}
         return {
             before + name: (dimension, getattr(self, name), units.get(name, self.output_unit)) for name in _SERIES[1:]
@@ -211,18 +192,7 @@ class ClosedLoop(Described):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Rebuild a run from plain data.
-
-        Parameters
-        ----------
-        data : mapping
-            Plain data that `to_dict` returned.
-
-        Raises
-        ------
-        ControlError
-            If a value is so large that its square overflows.
-        """
+        """Rebuild a run from the `data` of `to_dict`; ControlError if a value's square overflows."""
         low, high = data["command_limits"]
         series = {name: np.array(data[name], dtype=np.float64) for name in _SERIES}
         for name, values in series.items():
@@ -274,10 +244,6 @@ def closed_loop(
         Time at the operating input before the loop is closed, s.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1.
-
-    Returns
-    -------
-    ClosedLoop
 
     Raises
     ------

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import function, generator, instance, not_negative, row, taking, whole
 from deatwin.control.controllers.base import Controller
-from deatwin.control.linear.family import draw
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.progress import Progress
 from deatwin.ident.frequency import equilibrium
+from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import NarxModel, Variable
 from deatwin.ident.narx.residual import Residual
 from deatwin.ident.narx.response import divergence_limit
@@ -145,30 +145,13 @@ class PredictedLoop(Described):
         )
 
     def interval(self, measure: Callable[[ClosedLoop], float]) -> tuple[float, float, float]:
-        """Return the median and the 95 % interval of a measure over the draws.
-
-        Parameters
-        ----------
-        measure : callable
-            Function of a run, such as ``lambda run: run.overshoot``.
-
-        Returns
-        -------
-        tuple of float
-            Median, 2.5 % and 97.5 % quantile, in the measure's unit.
-        """
+        """Return median and 95 % interval over the draws of a `measure`, such as ``lambda run: run.overshoot``."""
         values = np.array([measure(run) for run in self.runs])
         middle, low, high = np.quantile(values, [0.5, 0.025, 0.975])
         return float(middle), float(low), float(high)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot reference, mean and band over time.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot reference, mean and band over time, on `ax` or new axes."""
         axes = axes_or_new(ax)
         unit, size = written_amplitude(self.output_unit)
         middle, half = self.middle / size, self.half_width / size
@@ -232,10 +215,6 @@ def predict_loop(
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1.
 
-    Returns
-    -------
-    PredictedLoop
-
     Raises
     ------
     ControlError
@@ -246,7 +225,9 @@ def predict_loop(
     """
     wanted = np.asarray(reference, dtype=np.float64)
     rest = equilibrium(model, controller.operating_input).output
-    terms = _Terms(model, draw(model, rng, draws), reading, rest, controller.operating_input, _far(model, rest, wanted))
+    terms = _Terms(
+        model, draw_theta(model, rng, draws), reading, rest, controller.operating_input, _far(model, rest, wanted)
+    )
     for _ in range(_SETTLE):
         terms.advance(np.full(draws, controller.operating_input))
     n = wanted.size

@@ -118,29 +118,13 @@ class MarginBand(Described):
         return _scheffe(self.response.theta_cov, self.level)
 
     def ellipse(self, n_points: int = 73) -> Complex:
-        """Return outlines of the simultaneous band at each frequency.
-
-        Parameters
-        ----------
-        n_points : int
-            Number of points in each outline; the last equals the first.
-
-        Returns
-        -------
-        ndarray of complex, shape (n, n_points)
-        """
+        """Return outlines of the simultaneous band, complex (n, `n_points`), whose last point equals the first."""
         turn = np.linspace(0.0, 2 * np.pi, n_points)
         outline = self.radius * Ellipses.of(self.response.covariance).roots @ np.stack([np.cos(turn), np.sin(turn)])
         return np.asarray(self.response.values[:, None] + outline[:, 0] + 1j * outline[:, 1])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the Nyquist curve near -1 with the ellipses of the simultaneous band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the Nyquist curve near -1 with the ellipses of the simultaneous band, on `ax` or new axes."""
         from matplotlib.collections import LineCollection
 
         axes = axes_or_new(ax)
@@ -206,10 +190,6 @@ def band_margins(
         Coefficients of z^0, z^-1, ... of the controller's feedback, input unit per output unit; taken as exact.
     level : float
         Probability of the band, between 0 and 1.
-
-    Returns
-    -------
-    MarginBand
 
     Raises
     ------

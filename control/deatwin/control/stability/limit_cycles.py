@@ -94,13 +94,7 @@ class LimitCycles(Described, Sequence[LimitCycle]):
         return iter(self.cycles)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the Nyquist curve of L and -1/N(A), which meet at the limit cycles.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the Nyquist curve of L and -1/N(A), which meet at the limit cycles, on `ax` or new axes."""
         axes = axes_or_new(ax)
         moves = self.describing != 0.0
         inverse = -1.0 / self.describing[moves]

@@ -7,7 +7,7 @@ from deatwin.ident.frequency.drawing import bode
 from deatwin.ident.frequency.frf import frf
 from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.frequency.linear import LinearPart, linear_part
-from deatwin.ident.frequency.maps import plot_slices, plot_surface, slice_of
+from deatwin.ident.frequency.maps import plot_surface, slice_of
 from deatwin.ident.frequency.output_responses.estimate import nofrf, nofrf_exact
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
@@ -64,7 +64,6 @@ __all__ = [
     "output_frequencies",
     "output_orders",
     "output_spectrum",
-    "plot_slices",
     "plot_surface",
     "propagate",
     "remove_dc",

@@ -73,10 +73,6 @@ def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> E
     operating_input : array_like, shape () or (n_inputs,), optional
         Constant inputs, in their units; the centre of the training data by default.
 
-    Returns
-    -------
-    Equilibrium
-
     Raises
     ------
     ModelError

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import whole_number
+from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.gfrf import checked_frequencies
 from deatwin.ident.frequency.many import Evaluated, stable_polynomials
@@ -15,7 +15,6 @@ from deatwin.ident.frequency.parts import require_no_pole
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.narx.linear import LinearModel
 from deatwin.ident.narx.linear.polynomials import Orders
-from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import narx_model, real_numbers
+from deatwin.ident.arguments import real_numbers
+from deatwin.ident.frequency.checks import narx_model
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.variables import Variable, argument_of
@@ -83,10 +84,6 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
         Constant inputs, in their units.
     output : float
         Output at the equilibrium, in its unit.
-
-    Returns
-    -------
-    LinearPart
 
     Raises
     ------

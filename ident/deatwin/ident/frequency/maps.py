@@ -1,14 +1,13 @@
-"""Frequency responses of several frequencies: contours, surfaces and slices."""
+"""Frequency responses of several frequencies: contours, a surface, and slices of more than two frequencies."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import real_numbers
+from deatwin.ident.arguments import real_numbers
 from deatwin.ident.frequency.drawing import drawn_points, say_zero
 from deatwin.plant.drawing import written_unit
 from deatwin.plant.errors import ModelError
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _FEWEST_ON_A_LINE = 3  # least number of frequencies on each axis of a grid
-_MOST_PANELS = 6
 
 
 def plot_map(response: FrequencyResponse, axes: Axes) -> Axes:
@@ -70,56 +68,6 @@ def plot_surface(response: FrequencyResponse, ax: Any | None = None) -> Any:
     ax.set_zlabel(_gain_label(plane))
     _label_frequencies(plane, ax)
     return ax
-
-
-def plot_slices(
-    response: FrequencyResponse, held_Hz: Sequence[ArrayLike] | None = None, axes: Sequence[Axes] | None = None
-) -> list[Axes]:
-    """Plot slices of a response of three or more frequencies side by side, with a common colour scale.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Response of order 3 or more, on a grid.
-    held_Hz : sequence of float, or of array_like of shape (order - 2,), optional
-        Frequencies held constant in each slice, Hz; by default up to six slices spread over the available frequencies.
-    axes : sequence of matplotlib Axes, optional
-        One matplotlib Axes for each slice; new ones by default.
-
-    Returns
-    -------
-    list of matplotlib Axes
-
-    Raises
-    ------
-    ModelError
-        If no frequency can be held, a slice is not a grid, or the number of axes differs from the number of slices.
-    """
-    _require_more_than_two(response)
-    wanted = _spread(response) if held_Hz is None else list(held_Hz)
-    slices = [slice_of(response, held) for held in wanted]
-    grids = [grid for grid in map(_grid, slices) if grid is not None]
-    if len(grids) < len(slices):
-        raise ModelError("slices need values on a grid of the first two frequencies; see frequency_grid")
-    if axes is None:
-        from matplotlib import pyplot
-
-        size = (1.2 + 3.2 * len(slices), 3.6)
-        made = pyplot.subplots(1, len(slices), figsize=size, sharey=True, squeeze=False, layout="constrained")
-        axes = list(made[1][0])
-    if len(axes) != len(slices):
-        raise ModelError(f"{len(slices)} slices need as many axes; got {len(axes)}")
-    levels = _levels(np.concatenate([_decibels(plane) for plane in slices]))
-    for plane, grid, panel in zip(slices, grids, axes, strict=True):
-        drawn = _contours(plane, grid, panel, levels)
-        _label_frequencies(plane, panel)
-        if panel is not axes[0]:
-            panel.set_ylabel("")
-            repeated = panel.get_legend() if axes[0].get_legend() is not None else None
-            if repeated is not None:
-                repeated.remove()
-    axes[0].figure.colorbar(drawn, ax=list(axes), label=_gain_label(response))
-    return list(axes)
 
 
 def slice_of(response: FrequencyResponse, held_Hz: ArrayLike) -> FrequencyResponse:
@@ -188,17 +136,6 @@ def _middle_slice(response: FrequencyResponse) -> FrequencyResponse:
     return slice_of(response, held[len(held) // 2])
 
 
-def _held(response: FrequencyResponse) -> Array:
-    """Return the distinct frequencies after the second, Hz."""
-    return np.unique(response.frequency_Hz[:, 2:], axis=0)
-
-
-def _spread(response: FrequencyResponse) -> list[Array]:
-    held = _held(response)
-    chosen = np.unique(np.linspace(0, len(held) - 1, _MOST_PANELS).round().astype(int))
-    return [held[i] for i in chosen]
-
-
 def _require_more_than_two(response: FrequencyResponse) -> None:
     if response.omega.ndim == 1 or response.omega.shape[1] < 3:
         raise ModelError(f"a slice holds the third frequency; {response.label} has {response.omega.ndim}")
@@ -221,10 +158,9 @@ def _levels(decibels: Array) -> Array:
     return np.asarray(MaxNLocator(18).tick_values(low - margin, high + margin), dtype=np.float64)
 
 
-def _contours(response: FrequencyResponse, grid: _Grid, axes: Axes, levels: Array | None = None) -> Any:
+def _contours(response: FrequencyResponse, grid: _Grid, axes: Axes) -> Any:
     decibels = _decibels(response)
-    chosen = _levels(decibels) if levels is None else levels
-    drawn = axes.contourf(grid.first, grid.second, grid.of(decibels).T, levels=chosen, cmap="viridis")
+    drawn = axes.contourf(grid.first, grid.second, grid.of(decibels).T, levels=_levels(decibels), cmap="viridis")
     axes.contour(drawn, colors="white", linewidths=0.3, linestyles="solid")
     say_zero(drawn_points(response), axes)
     if response.theta_cov.any():

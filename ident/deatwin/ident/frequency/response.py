@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
-from deatwin.ident.narx.operating import read_only
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 
 if TYPE_CHECKING:
@@ -51,13 +51,7 @@ class FrequencyStatus(Enum):
 
     @classmethod
     def at(cls, point: Equilibrium) -> FrequencyStatus:
-        """Return the status of an operating point.
-
-        Parameters
-        ----------
-        point : Equilibrium
-            Equilibria at the operating point; the chosen one decides.
-        """
+        """Return the status of the chosen equilibrium of `point`."""
         return cls.OK if point.is_stable else cls.UNSTABLE
 
 
@@ -167,18 +161,7 @@ class FrequencyResponse(Described, Frozen):
         return read_only(parts @ self.theta_cov @ parts.swapaxes(1, 2))
 
     def at_points(self, chosen: NDArray[Any] | slice) -> FrequencyResponse:
-        """Return the response at selected points.
-
-        Parameters
-        ----------
-        chosen : ndarray of bool, shape (n,), or of int, shape (n_chosen,), or slice
-            Mask, indices or slice of the points to keep.
-
-        Returns
-        -------
-        FrequencyResponse
-            Response with derivatives and values at other parameters restricted to these points.
-        """
+        """Return the response at the points that `chosen`, a mask, indices or a slice, selects."""
         where = np.arange(self.values.size)[chosen]
         derive, many = self.differentiate, self.evaluate
         if many is not None:
@@ -277,16 +260,11 @@ class FrequencyResponse(Described, Frozen):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the gain: over frequency with its 95 % band, or over two frequencies as contours.
+        """Plot the gain on `ax` or new axes: over frequency with its 95 % band, or over two frequencies as contours.
 
         A response of order three or more on a grid is plotted as a slice over the first two frequencies, with the
         others held constant; points that do not form a grid are plotted as points. See also `bode`, `plot_surface` and
         `slice_of`.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
         """
         from deatwin.ident.frequency.drawing import plot_response
 

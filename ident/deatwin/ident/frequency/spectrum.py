@@ -9,7 +9,8 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import real_numbers, whole_order
+from deatwin.ident.arguments import read_only, real_numbers
+from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import names_of
 from deatwin.ident.frequency.hierarchy import Jet, solve_parts
@@ -17,7 +18,6 @@ from deatwin.ident.frequency.many import spectrum_of_many
 from deatwin.ident.frequency.parts import CrossOrders, Orders
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]

@@ -139,17 +139,7 @@ class Calibration(Described):
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
     def with_stages(self, count: int) -> Calibration:
-        """Return the same calibration, whose plant is simulated with another number of stages from now on.
-
-        Parameters
-        ----------
-        count : int
-            Number of stages (`Plant.stages`).
-
-        Returns
-        -------
-        Calibration
-        """
+        """Return the same calibration, whose plant is simulated with `count` stages from now on (`Plant.stages`)."""
         return replace(self, plant=replace(self.plant, stages=count))
 
     @cached_property
@@ -227,13 +217,7 @@ class Calibration(Described):
         return (min(low, self.reach[k][0]), max(high, self.reach[k][1])) if self.reach else (low, high)
 
     def is_determined(self, name: str) -> bool:
-        """Return True if the readings narrow a parameter down: its interval is not the whole allowed range.
-
-        Parameters
-        ----------
-        name : str
-            Name of a fitted parameter.
-        """
+        """Return True unless the interval of parameter `name` is its whole allowed range."""
         (low, high), parameter = self.interval(name), self.plant.parameters[name]
         slack = WHOLE * (parameter.upper - parameter.lower) if np.isfinite(parameter.upper - parameter.lower) else 0.0
         return not (low <= parameter.lower + slack and high >= parameter.upper - slack)

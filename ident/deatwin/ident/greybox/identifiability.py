@@ -79,13 +79,7 @@ class Profile(Described):
         return all(self.bounded)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the deviance over the parameter, with the limit of the interval.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the deviance over the parameter, with the limit of the interval, on `ax` or new axes."""
         ax = axes_or_new(ax)
         # The signed root of the deviance is nearly straight between the values that were tried.
         root = np.sign(self.values - self.parameter.value) * np.sqrt(self.deviances)
@@ -115,10 +109,6 @@ def profile(calibration: Calibration, parts: Sequence[Part], name: str) -> Profi
         Samples that were fitted.
     name : str
         Name of a fitted parameter.
-
-    Returns
-    -------
-    Profile
 
     Raises
     ------

@@ -49,13 +49,7 @@ class Part:
 
     @classmethod
     def whole(cls, experiment: Experiment) -> Part:
-        """Select all samples of an experiment.
-
-        Parameters
-        ----------
-        experiment : Experiment
-            Recordings on one clock.
-        """
+        """Select all samples of an `experiment`."""
         masks = tuple(np.ones(r.n_samples, dtype=bool) for r in experiment.recordings)
         return cls(experiment=experiment, masks=masks)
 
@@ -70,13 +64,7 @@ class Part:
         return replace(self, experiment=Experiment(recordings=kept), masks=masks, levels=levels)
 
     def opening(self, count: int) -> Part:
-        """Select the first of the selected samples, with the experiment cut after the last of them.
-
-        Parameters
-        ----------
-        count : int
-            Number of samples, at least 1; if there are fewer, all are taken.
-        """
+        """Select the first `count` of the selected samples, with the experiment cut after the last of them."""
         before = np.cumsum([0, *(int(mask.sum()) for mask in self.masks)])
         masks = tuple(
             mask & (first + np.cumsum(mask) <= count) for mask, first in zip(self.masks, before[:-1], strict=True)
@@ -94,18 +82,7 @@ class Part:
         return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])
 
     def counted(self, timeline: Timeline) -> np.ndarray:
-        """Return the simulated samples at whose ends the selected readings were taken.
-
-        Parameters
-        ----------
-        timeline : Timeline
-            Timeline of the experiment.
-
-        Returns
-        -------
-        ndarray of int, shape (n,)
-            Indices of samples of the simulation.
-        """
+        """Return the indices (n,) of the samples of `timeline` that end with the selected readings."""
         return np.concatenate([r[m] for r, m in zip(timeline.readings, self.masks, strict=True)])
 
     @property

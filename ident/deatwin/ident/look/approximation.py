@@ -110,18 +110,7 @@ class BestLinearApproximation(Frozen):
         return float(np.sqrt(2.0 * np.maximum(np.sum(self.distortion_variance[lines]), 0.0)))
 
     def radius(self, probability: float = 0.95) -> Array:
-        """Return the radius of a disc about each value of `response` that contains the true value.
-
-        Parameters
-        ----------
-        probability : float
-            Probability that the disc contains the true value, between 0 and 1.
-
-        Returns
-        -------
-        ndarray, shape (n_lines,)
-            Radius in output unit per input unit.
-        """
+        """Return radii (n_lines,) of discs about `response` that hold the true value with a `probability`."""
         from scipy.special import fdtri
 
         return np.asarray(np.sqrt(self.variance * fdtri(2.0, self.dof, probability)))
@@ -153,12 +142,7 @@ class BestLinearApproximation(Frozen):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the approximation as plain data for JSON; frequencies in Hz, values in the channels' units.
-
-        Returns
-        -------
-        dict
-        """
+        """Return the approximation as plain data for JSON; frequencies in Hz, values in the channels' units."""
 
         def number(value: float) -> float | None:
             return float(value) if np.isfinite(value) else None
@@ -181,17 +165,7 @@ class BestLinearApproximation(Frozen):
         }
 
     def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw the gain with its standard deviations, and the output's lines with noise and distortions.
-
-        Parameters
-        ----------
-        axes : sequence of two matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        sequence of matplotlib Axes
-        """
+        """Draw the gain with its standard deviations, and the lines of the output, on two `axes` or new ones."""
         gain, output = chosen = panels_or_new(axes, 2, height=2.6)
         unit, size = written_amplitude(self.output_unit)
         gain.plot(

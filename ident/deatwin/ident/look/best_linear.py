@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.checks import real_number, whole_number
+from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.look.approximation import Array, BestLinearApproximation, Complex, Lines
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.ident.narx.repeats import period_of, whole_multiple
@@ -65,10 +65,6 @@ def best_linear_approximation(
     skip : int, optional
         Number of periods at the start of each recording to leave out; by default the periods in which the output still
         settles; this default needs three periods or more.
-
-    Returns
-    -------
-    BestLinearApproximation
 
     Raises
     ------

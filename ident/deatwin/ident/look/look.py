@@ -140,12 +140,7 @@ class Look:
         return "\n".join(self.lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all findings as plain data for JSON; times in s, values in the channels' units.
-
-        Returns
-        -------
-        dict
-        """
+        """Return all findings as plain data for JSON; times in s, values in the channels' units."""
         return {
             "file": label(self.recordings[0]),
             "samples": self.n_samples,
@@ -168,17 +163,7 @@ class Look:
         }
 
     def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw the first input, the first output with its faults, and their coherence.
-
-        Parameters
-        ----------
-        axes : sequence of three matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        sequence of matplotlib Axes
-        """
+        """Draw on three `axes` or new ones the first input, the first output with its faults, and their coherence."""
         chosen = panels_or_new(axes, 3, height=1.8)
         for record in self.recordings:
             unit, size = written_amplitude(record.output_units[0])
@@ -232,10 +217,6 @@ def look_at(recordings: Recordings) -> Look:
     ----------
     recordings : Recording, Experiment, or several
         One recording, or its pieces between gaps, with the same signals and sample time.
-
-    Returns
-    -------
-    Look
 
     Raises
     ------

@@ -102,12 +102,7 @@ class CalibratedMaterial:
         return "\n".join([self.sentence, *self.lines])
 
     def to_toml(self) -> str:
-        """Return the text of a file with the section ``[material]``.
-
-        Returns
-        -------
-        str
-        """
+        """Return the text of a file with the section ``[material]``."""
         head = [
             f"Made by deatwin from {', '.join(test.name for test in self.tests)}.",
             "low and high: intervals of 95 %.",
@@ -115,12 +110,7 @@ class CalibratedMaterial:
         return toml_of(self.section, [*head, *self.notes])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON, SI.
-
-        Returns
-        -------
-        dict
-        """
+        """Return plain data for JSON, SI."""
         return {
             "sentence": self.sentence,
             "material": dict(self.section),
@@ -131,17 +121,7 @@ class CalibratedMaterial:
         }
 
     def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw measured and computed values: stress over stretch, stress over time, moduli.
-
-        Parameters
-        ----------
-        axes : sequence of matplotlib Axes, optional
-            One for each of `panels`; new ones by default.
-
-        Returns
-        -------
-        sequence of matplotlib Axes
-        """
+        """Draw measured and computed stresses and moduli on `axes`, one for each of `panels`, or on new ones."""
         shown = panels_or_new(axes, len(self.panels), height=2.6)
         for name, panel in zip(self.panels, shown, strict=True):
             self.draw_panel(name, panel)
@@ -159,15 +139,7 @@ class CalibratedMaterial:
         return tuple(name for name, there in shown.items() if there)
 
     def draw_panel(self, name: str, ax: Axes) -> None:
-        """Draw one of `panels`.
-
-        Parameters
-        ----------
-        name : str
-            Name of the picture.
-        ax : matplotlib Axes
-            Axes to draw on.
-        """
+        """Draw the picture `name`, one of `panels`, on `ax`."""
         for block, place in zip(self.data.blocks, self.data.places, strict=True):
             if block.test.is_dma == (name == "frequency") and (name != "time" or block.times is not None):
                 _draw_block(name, ax, block, self.modelled[place])

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from deatwin.ident.arguments import probability
 from deatwin.ident.narx.excited import Excitation, excitation
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, flatten
@@ -42,8 +43,7 @@ def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Rec
     ModelError
         If a recording is too short, or the share is not between 0 and 1.
     """
-    if not 0.0 < share < 1.0:
-        raise ModelError(f"share = {share}: it must lie between 0 and 1")
+    probability(share, "share")
     whole = flatten(recordings)
     for record in whole:
         require_samples([record], 10, "identification with a held-out part")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import lapack
 
-from deatwin.ident.narx.operating import read_only
+from deatwin.ident.arguments import read_only
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.narx.operating import OperatingRange, read_only
+from deatwin.ident.arguments import read_only
+from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Term
 
 if TYPE_CHECKING:

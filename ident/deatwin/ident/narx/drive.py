@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.narx.operating import read_only
+from deatwin.ident.arguments import read_only
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import UNSTATED, Recording
 

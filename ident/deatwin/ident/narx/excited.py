@@ -70,18 +70,7 @@ class Excitation:
         return tuple((end, low) for end, (low, _) in zip(ends, self.bands, strict=False) if low > end)
 
     def hole_at(self, frequency_Hz: float) -> Band | None:
-        """Return the gap between excited bands in which a frequency lies.
-
-        Parameters
-        ----------
-        frequency_Hz : float
-            Frequency in Hz.
-
-        Returns
-        -------
-        (float, float) or None
-            Ends of the gap in Hz; None inside a band and above the last one.
-        """
+        """Return the gap between excited bands, Hz, in which `frequency_Hz` lies; None in a band or above all."""
         return next(((low, high) for low, high in self.holes if low < frequency_Hz < high), None)
 
     @property
@@ -93,22 +82,7 @@ class Excitation:
 
     @classmethod
     def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
-        """Read the excitation from a model's provenance.
-
-        Parameters
-        ----------
-        provenance : mapping of str to str
-            Provenance of the model; without gaps the excitation starts at 0 Hz.
-
-        Returns
-        -------
-        Excitation or None
-
-        Raises
-        ------
-        ModelError
-            If the band is not a positive number, or the holes are not rising frequencies below it.
-        """
+        """Read the excitation from a model's `provenance`, or None; ModelError if its band or holes make no sense."""
         if (written := provenance.get(BAND_KEY)) is None:
             return None
         try:
@@ -133,17 +107,7 @@ class Excitation:
 
     @classmethod
     def joined(cls, several: Iterable[Self]) -> Self:
-        """Return the union of the bands of several recordings.
-
-        Parameters
-        ----------
-        several : iterable of Excitation
-            Excitations of the recordings; at least one.
-
-        Returns
-        -------
-        Excitation
-        """
+        """Return the union of the bands of `several` excitations, at least one."""
         merged: list[Band] = []
         for low, high in sorted(band for one in several for band in one.bands):
             if merged and low <= merged[-1][1]:
@@ -184,10 +148,6 @@ def excitation(recording: Recording) -> Excitation:
     ----------
     recording : Recording
         Recording whose first input is analysed, without its mean and trend.
-
-    Returns
-    -------
-    Excitation
 
     Raises
     ------

@@ -91,10 +91,6 @@ def narx_source(
     rest_output : array_like, shape (n_outputs,), optional
         Outputs before the first sample, in their units; defaults to the model's origin.
 
-    Returns
-    -------
-    SampledSource
-
     Raises
     ------
     ModelError

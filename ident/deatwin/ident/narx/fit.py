@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.operating import read_only
+from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.response import NarxResponse
 
 Array = NDArray[np.float64]

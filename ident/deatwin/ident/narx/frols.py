@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.narx.criteria import CRITERIA, criterion_values, free_run_errors, split
 from deatwin.ident.narx.estimate import Estimator, least_squares
 from deatwin.ident.narx.forward import SelectionStep, forward_selection
@@ -101,10 +102,8 @@ class Frols(CandidateSearch):
             raise ModelError(
                 f"criterion = {self.criterion!r}{nearest(self.criterion, _KNOWN)}; known are {', '.join(_KNOWN)}"
             )
-        if self.max_terms < 1:
-            raise ModelError(f"max_terms = {self.max_terms}; it must be at least 1")
-        if not 0 < self.held_out < 1:
-            raise ModelError(f"held_out = {self.held_out}; it must lie between 0 and 1")
+        whole_number(self.max_terms, "max_terms")
+        probability(self.held_out, "held_out")
         if not callable(self.estimator):
             raise ModelError(f"estimator = {self.estimator!r}; give one, as Ridge()")
 
@@ -168,17 +167,7 @@ class Frols(CandidateSearch):
         return errors * path.output_scale**2
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the error reduction ratio of each term of ``path_``, and the criterion with its choice.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw on `ax` or new axes the error reduction ratio of each term, and the criterion with its choice."""
         axes = axes_or_new(ax)
         number = np.arange(1, len(self.path_) + 1)
         kept = number <= len(self.terms_)

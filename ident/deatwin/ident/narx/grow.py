@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.narx.excess import noisy_products
 from deatwin.ident.narx.grow_search import GrowSearch, GrowStep, run_error
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
@@ -102,11 +103,8 @@ class Grow(CandidateSearch):
 
     def _check(self) -> None:
         for name in ("max_terms", "parts"):
-            value = getattr(self, name)
-            if not isinstance(value, int | np.integer) or value < 1:
-                raise ModelError(f"{name} = {value!r}; it must be an integer of at least 1")
-        if not 0 < self.held_out < 1:
-            raise ModelError(f"held_out = {self.held_out}; it must lie between 0 and 1")
+            whole_number(getattr(self, name), name)
+        probability(self.held_out, "held_out")
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         single = single_output(data)
@@ -177,17 +175,7 @@ class Grow(CandidateSearch):
             self.status_ = FitStatus.INTERRUPTED
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the free-run errors of the path over the number of terms, and the model that was kept.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw on `ax` or new axes the free-run errors of the path over the number of terms, and the model kept."""
         axes = axes_or_new(ax)
         counts = np.array([len(step.terms) for step in self.path_])
         last = int(np.argmax(counts)) + 1  # last position of the growth

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import whole_number
 from deatwin.ident.narx.free_run import innovations
 from deatwin.ident.narx.terms import TermTable, Variable
 from deatwin.plant.errors import ModelError
@@ -19,9 +20,7 @@ _BLOCK = 4096  # runs simulated at once, whose regressors stay in the processor'
 
 def require_steps(steps: int, first: int, n_samples: int) -> None:
     """Raise ModelError unless a recording has room for a prediction `steps` samples ahead from sample `first` on."""
-    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
-        raise ModelError(f"steps = {steps!r}; it must be an integer of at least 1")
-    if steps > n_samples - first:
+    if whole_number(steps, "steps") > n_samples - first:
         raise ModelError(f"steps = {steps}; the recording of {n_samples} samples allows at most {n_samples - first}")
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.narx.criteria import free_run_errors, split
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
@@ -114,10 +115,8 @@ class Lasso(CandidateSearch):
     held_out: float = 0.3
 
     def _check(self) -> None:
-        if self.max_terms < 1:
-            raise ModelError(f"max_terms = {self.max_terms}; it must be at least 1")
-        if not 0 < self.held_out < 1:
-            raise ModelError(f"held_out = {self.held_out}; it must lie between 0 and 1")
+        whole_number(self.max_terms, "max_terms")
+        probability(self.held_out, "held_out")
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         beginnings, held_out = split(data.recordings, self.held_out, data.first)

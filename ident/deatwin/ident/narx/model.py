@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
+from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.document import SCHEMA, fields_of, to_document
 from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.free_run import free_run, innovations
 from deatwin.ident.narx.horizon import require_steps, steps_ahead
-from deatwin.ident.narx.operating import Array, OperatingRange, read_only
+from deatwin.ident.narx.operating import Array, OperatingRange
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
 from deatwin.ident.narx.shown import shown_units
 from deatwin.ident.narx.terms import Term, TermTable
@@ -222,13 +223,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
 
     @cached_property
     def deterministic(self) -> NarxModel:
-        """Model without its noise terms, as used in a free run.
-
-        Raises
-        ------
-        ModelError
-            If the model has noise terms only.
-        """
+        """Model without its noise terms, as used in a free run; ModelError if it has no others."""
         kept = [m for m, term in enumerate(self.terms) if all(v.kind != "e" for v, _ in term.factors)]
         if len(kept) == len(self.terms):
             return self
@@ -241,18 +236,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         )
 
     def require_one_output(self, purpose: str) -> None:
-        """Raise ModelError unless the model has one output and no noise terms.
-
-        Parameters
-        ----------
-        purpose : str
-            Name of the analysis that needs one output; the error message begins with it.
-
-        Raises
-        ------
-        ModelError
-            If the model has several outputs or noise terms.
-        """
+        """Raise ModelError, which names the `purpose`, unless the model has one output and no noise terms."""
         if self.n_outputs > 1:
             raise ModelError(f"{purpose} takes a model of one output; this one has {self.n_outputs}")
         if self.table.channels("e"):
@@ -264,23 +248,11 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         return text + origins(self) + (f"\n({shown.legend})" if shown.legend else "")
 
     def about_origin(self, inputs: Array, outputs: Array) -> tuple[Array, Array]:
-        """Return inputs and outputs minus their origins, which are the signals in the terms.
-
-        Parameters
-        ----------
-        inputs, outputs : ndarray, shapes (n_inputs, n) and (n_outputs, n)
-            Inputs and outputs in their units.
-        """
+        """Return `inputs` (n_inputs, n) and `outputs` (n_outputs, n) minus their origins, as the terms hold them."""
         return inputs - self.input_origin[:, None], outputs - self.output_origin[:, None]
 
     def divergence_limit(self, outputs: Array) -> float:
-        """Return the distance from the origin beyond which a free run has diverged, in the outputs' unit.
-
-        Parameters
-        ----------
-        outputs : ndarray, shape (n_outputs, n)
-            Outputs of the recording, in their units.
-        """
+        """Return the distance from the origin, in their units, beyond which a free run over `outputs` has diverged."""
         return divergence_limit(self.operating, outputs, self.output_origin)
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:

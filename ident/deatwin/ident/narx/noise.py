@@ -9,6 +9,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import whole_number
 from deatwin.ident.narx.criteria import CRITERIA, criterion_values
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.fixed import Fixed
@@ -123,8 +124,7 @@ class Narmax(NarxIdentifier):
                 f"criterion = {self.criterion!r}{nearest(self.criterion, _KNOWN)}; known are {', '.join(_KNOWN)}"
             )
         for name, least in (("noise_degree", 1), ("max_noise_terms", 0), ("max_iterations", 1)):
-            if getattr(self, name) < least:
-                raise ModelError(f"{name} = {getattr(self, name)}; it must be at least {least}")
+            whole_number(getattr(self, name), name, least)
         if not self.tolerance > 0:
             raise ModelError(f"tolerance = {self.tolerance}; it must be positive")
 

@@ -5,16 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
+
+from deatwin.ident.arguments import read_only
 
 Array = NDArray[np.float64]
-
-
-def read_only(values: ArrayLike) -> Array:
-    """Return a read-only float copy."""
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,15 +38,7 @@ class OperatingRange:
             object.__setattr__(self, item.name, read_only(np.atleast_1d(getattr(self, item.name))))
 
     def shifted(self, operating_input: Array, operating_output: Array) -> OperatingRange:
-        """Return the range as deviations from an operating point, which becomes the centre.
-
-        Parameters
-        ----------
-        operating_input : ndarray, shape (n_inputs,)
-            Inputs at the operating point, in their units.
-        operating_output : ndarray, shape (1,)
-            Output at the operating point, in its unit.
-        """
+        """Return the range about a new centre, `operating_input` (n_inputs,) and `operating_output` (1,)."""
         return OperatingRange(
             input_min=self.input_min - operating_input,
             input_max=self.input_max - operating_input,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import probability
 from deatwin.ident.narx.covariance import covariance_root
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import require_generator
@@ -78,20 +79,7 @@ class ThetaPosterior:
         return np.column_stack([self.model.theta - half, self.model.theta + half])
 
     def density(self, term: int, values: Array) -> Array:
-        """Return the marginal density of one parameter.
-
-        Parameters
-        ----------
-        term : int
-            Position of the term in the model.
-        values : ndarray
-            Values of the parameter, in its unit.
-
-        Returns
-        -------
-        ndarray
-            Density at each value, in the inverse of the parameter's unit.
-        """
+        """Return the density of the parameter of a `term`, by index, at `values`, in the inverse of its unit."""
         from scipy import stats
 
         law = stats.norm if math.isinf(self.model.theta_dof) else stats.t(self.model.theta_dof)
@@ -99,19 +87,7 @@ class ThetaPosterior:
         return np.asarray(law.pdf((values - self.model.theta[term]) / scale) / scale)
 
     def sample(self, rng: np.random.Generator, n_draws: int) -> ThetaDraws:
-        """Draw parameters and noise variances jointly from the posterior.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Random generator for the draws.
-        n_draws : int
-            Number of draws.
-
-        Returns
-        -------
-        ThetaDraws
-        """
+        """Draw parameters and noise variances jointly from the posterior, `n_draws` of them by the generator `rng`."""
         require_generator(rng)
         model = self.model
         # (1/tau) / E[1/tau]: inverse gamma of mean 1
@@ -167,9 +143,7 @@ def quantile(level: float, dof: float) -> float:
     """Return the half width of the central interval of a Student-t or normal law, in units of its scale."""
     from scipy import special
 
-    if not 0 < level < 1:
-        raise ModelError(f"level = {level}; it must lie between 0 and 1")
-    share = (1 + level) / 2
+    share = (1 + probability(level)) / 2
     return float(special.ndtri(share) if math.isinf(dof) else special.stdtrit(dof, share))
 
 

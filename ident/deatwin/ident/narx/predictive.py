@@ -97,19 +97,7 @@ class PredictiveBand(Described):
         return np.asarray(inside[:, self.first :].mean(axis=1), dtype=np.float64)
 
     def plot(self, ax: Axes | None = None, *, output: int = 0) -> Axes:
-        """Draw the band over time, with its centre and the measured output.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-        output : int
-            Row of the output.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw the band of one `output` over time, with its centre and the measurement, on `ax` or new axes."""
         axes = axes_or_new(ax)
         axes.fill_between(
             self.timepts,
@@ -145,10 +133,6 @@ def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95
         Measured inputs and outputs, in the model's units.
     level : float
         Probability of the band, between 0 and 1.
-
-    Returns
-    -------
-    PredictiveBand
 
     Raises
     ------

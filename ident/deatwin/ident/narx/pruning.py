@@ -61,17 +61,7 @@ class PruningStep(Described):
         return self.bounds[-1]
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the relevance of each term, the threshold, and the terms that are pruned.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw on `ax` or new axes the relevance of each term, the threshold, and the terms that are pruned."""
         axes = axes_or_new(ax)
         kept = self.relevance > self.threshold
         for chosen, style, label in ((kept, "o", "kept"), (~kept, "x", "pruned")):

@@ -53,15 +53,7 @@ class Reliance:
 
     @classmethod
     def of(cls, model: NarxModel, validation: Validation | None) -> Self:
-        """Return the assessment that a model and its validation contain.
-
-        Parameters
-        ----------
-        model : NarxModel
-            Model with one output.
-        validation : Validation or None
-            Validation of the model on held-out recordings; None if they were too short for it.
-        """
+        """Return the assessment in a `model` of one output and its `validation`, None if held-out data were too few."""
         share = samples_per_parameter(model)
         if validation is None:
             return cls(status=None, samples_per_parameter=share)
@@ -149,22 +141,7 @@ class Reliance:
 
     @classmethod
     def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
-        """Read the assessment from a model's provenance; None if there is none.
-
-        Parameters
-        ----------
-        provenance : mapping of str to str
-            Provenance of the model.
-
-        Returns
-        -------
-        Reliance or None
-
-        Raises
-        ------
-        ModelError
-            If the entries cannot be read.
-        """
+        """Read the assessment from a model's `provenance`, or None; ModelError if it cannot be read."""
         if (written := provenance.get(STATUS_KEY)) is None:
             return None
         try:

@@ -135,10 +135,6 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
     recording : Recording
         Recording in the model's units, preferably one that was not used for the fit.
 
-    Returns
-    -------
-    Residual
-
     Raises
     ------
     DivergedError

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.operating import read_only
+from deatwin.ident.arguments import read_only
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -104,17 +104,7 @@ class CorrelationTest:
         return float(self.values[np.argmax(np.abs(self.values))])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the correlation over its lags with the 95 % band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw the correlation over its lags with the 95 % band, on `ax` or new axes."""
         axes = axes_or_new(ax)
         outside = np.abs(self.values) > self.band
         axes.axhspan(-self.band, self.band, color="0.88", zorder=0)

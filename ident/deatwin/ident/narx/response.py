@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.drive import Drive
-from deatwin.ident.narx.operating import OperatingRange, read_only
+from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.datasets import Described, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.recording import Recording
@@ -85,17 +86,7 @@ class NarxResponse(Described):
         return float(np.sqrt(np.mean(self.residuals**2)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw measured and computed outputs over time.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw measured and computed outputs over time, on `ax` or new axes."""
         axes = axes_or_new(ax)
         several = len(self.outputs) > 1
         for row, (measured, computed) in enumerate(zip(self.measured, self.outputs, strict=True), start=1):

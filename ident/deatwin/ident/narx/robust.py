@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
+from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.drive import require_suits
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.regression import Recordings, Regression
 from deatwin.plant.errors import ModelError
 
@@ -100,8 +100,7 @@ def pseudovalues(
     """Return the deviation of the parameters due to each block, (n_blocks, n_terms), from regressors P and residuals e:
     n_blocks - 1 times (P P' - P_k P_k')^-1 P_k e_k. `instruments` give Z for the first P of each product."""
     model.require_one_output("the jackknife")
-    if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:
-        raise ModelError(f"n_blocks = {n_blocks!r}; it must be an integer of at least 2")
+    whole_number(n_blocks, "n_blocks", 2)
     data = Regression.on(recordings, model.table).about(model)
     for record in data.recordings:
         require_suits(record, model, with_outputs=True, fewest=0)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.growth import grown, run_errors, white
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
@@ -110,14 +111,12 @@ class Semp(CandidateSearch):
     max_exchanges: int = 20
 
     def _check(self) -> None:
-        if self.max_terms < 1:
-            raise ModelError(f"max_terms = {self.max_terms}; it must be at least 1")
-        if self.max_exchanges < 0:
-            raise ModelError(f"max_exchanges = {self.max_exchanges}; it must not be negative")
+        whole_number(self.max_terms, "max_terms")
+        whole_number(self.max_exchanges, "max_exchanges", 0)
         if not 0 < self.level <= 0.5:
             raise ModelError(f"level = {self.level}; it must lie above 0 and not above 0.5")
-        if self.significance is not None and not 0 < self.significance < 1:
-            raise ModelError(f"significance = {self.significance}; it must lie between 0 and 1, or be None")
+        if self.significance is not None:
+            probability(self.significance, "significance")
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         data.require_samples_for(self.max_terms + 1)
@@ -170,18 +169,9 @@ class Semp(CandidateSearch):
         return grown(model, data, sections.tolist(), max_terms=self.max_terms, level=self.level, progress=tell)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the simulation error reduction ratio of each step on a logarithmic axis, and the threshold.
+        """Draw on `ax` or new axes the simulation error reduction ratio of each step, and the threshold.
 
         A step that made the simulation error larger, as the tests allow within its uncertainty, has no point.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         axes = axes_or_new(ax)
         steps = np.arange(1, len(self.path_) + 1)

@@ -257,19 +257,7 @@ class SvbNarx(CandidateSearch):
         return best
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the lower bound over the pruning steps, with the largest marked.
-
-        The other pictures are in `deatwin.ident.narx.pruning`.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw the lower bound over the pruning steps, with the largest marked, on `ax` or new axes."""
         return draw_bounds(self.path_, ax)
 
 

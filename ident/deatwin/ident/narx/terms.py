@@ -17,6 +17,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import whole_number
 from deatwin.ident.narx.lags import ChannelLags, channel_lags, lag_list
 from deatwin.ident.narx.lags import Lags as Lags
 from deatwin.ident.narx.names import SignalNames
@@ -45,13 +46,7 @@ class Term:
 
     @classmethod
     def product(cls, variables: Iterable[Variable]) -> Term:
-        """Return the term that is the product of variables.
-
-        Parameters
-        ----------
-        variables : iterable of Variable
-            Factors in any order; a variable that occurs n times gets the power n.
-        """
+        """Return the product of `variables` in any order; one that occurs n times gets the power n."""
         return cls(tuple(sorted(Counter(variables).items())))
 
     @classmethod
@@ -93,14 +88,7 @@ class Term:
         return tuple(variable for variable, power in self.factors for _ in range(power))
 
     def written(self, symbols: Mapping[tuple[str, int], str]) -> str:
-        """Return the term as text with other symbols for its signals.
-
-        Parameters
-        ----------
-        symbols : mapping of (str, int) to str
-            Symbol of a signal by kind, "y", "u" or "e", and row; signals without an entry keep the symbol of
-            `Variable`.
-        """
+        """Return the term as text with other `symbols`, by kind "y", "u" or "e" and row, for some of its signals."""
         factors = [(v.written(symbols.get((v.kind, v.index), v.symbol)), power) for v, power in self.factors]
         return "".join(f"{text}^{power}" if power > 1 else text for text, power in factors) or "1"
 
@@ -148,8 +136,7 @@ def generate_terms(
     ModelError
         If the lags or the degree are invalid, or the rule drops all terms.
     """
-    if not isinstance(degree, int | np.integer) or degree < 1:
-        raise ModelError(f"degree = {degree!r}; it must be an integer of at least 1")
+    whole_number(degree, "degree")
     if rule is not None and not callable(rule):
         raise ModelError(f"rule = {rule!r}; it must be a callable that takes a term, or None")
     variables = []
@@ -219,13 +206,7 @@ class TermTable:
         return tuple(variable for variable in self.variables if variable.shape is not None)
 
     def in_units(self, scales: Mapping[str, Array]) -> TermTable:
-        """Return the table for signals in other units; only functions depend on the units.
-
-        Parameters
-        ----------
-        scales : mapping of str to ndarray
-            Size of the unit of each signal, by kind and row.
-        """
+        """Return the table for signals in units of other sizes `scales`, by kind and row; only functions change."""
         if not self.functions:
             return self
 
@@ -237,39 +218,15 @@ class TermTable:
         return TermTable(tuple(Term(tuple((scaled(v), p) for v, p in term.factors)) for term in self.terms))
 
     def of_signals(self, lagged: Callable[[Variable, int], Array]) -> list[Array]:
-        """Return the values of each of ``variables``.
-
-        Parameters
-        ----------
-        lagged : callable
-            Function that returns the signal of a variable at a lag.
-        """
+        """Return the values of each of ``variables``; `lagged` returns the signal of a variable at a lag."""
         return [value_of(v, lagged) for v in self.variables]
 
     def channels(self, kind: str) -> int:
-        """Return the number of channels of a kind that the terms need.
-
-        Parameters
-        ----------
-        kind : str
-            Kind of the signals: "y", "u" or "e".
-        """
+        """Return the number of channels of a `kind`, "y", "u" or "e", that the terms need."""
         return max((v.index + 1 for v in self.variables if v.kind == kind), default=0)
 
     def without(self, kind: str) -> TermTable:
-        """Return the table of the terms without their factors of one kind.
-
-        Parameters
-        ----------
-        kind : str
-            Kind of the factors to leave out: "y", "u" or "e".
-
-        Returns
-        -------
-        TermTable
-            Table of equally many terms, in the same order; a term with factors of that kind only has become the
-            constant.
-        """
+        """Return the terms without factors of a `kind`, in the same order; one with no others becomes the constant."""
         return TermTable(tuple(Term(tuple(f for f in term.factors if f[0].kind != kind)) for term in self.terms))
 
     @cached_property
@@ -320,19 +277,7 @@ class TermTable:
         return self.over(self.of_signals(lagged), stop - start)
 
     def over(self, lagged: Sequence[Array], count: int) -> Array:
-        """Evaluate all terms at many values of each variable.
-
-        Parameters
-        ----------
-        lagged : sequence of ndarray, each of shape (count,)
-            Values of each of ``variables``.
-        count : int
-            Number of values of each variable.
-
-        Returns
-        -------
-        ndarray, shape (n_terms, count)
-        """
+        """Evaluate all terms at `count` values of each of ``variables``, `lagged`; returns (n_terms, count)."""
         rows = np.empty((len(self.terms), count))
         for row, (parent, rest) in zip(rows, self._plan, strict=True):
             row[:] = 1.0 if parent is None else rows[parent]
@@ -341,15 +286,5 @@ class TermTable:
         return rows
 
     def at(self, values: Array) -> Array:
-        """Evaluate all terms at one value of each variable.
-
-        Parameters
-        ----------
-        values : ndarray, shape (n_variables,)
-            Value of each of ``variables``.
-
-        Returns
-        -------
-        ndarray, shape (n_terms,)
-        """
+        """Evaluate all terms at one value of each of ``variables``; `values` (n_variables,), returns (n_terms,)."""
         return np.asarray(np.prod(values**self.exponents, axis=1), dtype=np.float64)

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.document import fields_of, to_document
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import Array, read_only
+from deatwin.ident.narx.operating import Array
 from deatwin.ident.narx.response import NarxResponse
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.datasets import Described, Metadata, coordinate, variable
@@ -135,96 +136,25 @@ class ThetaTrajectory(
         return read_only(np.sqrt(np.einsum("kii->ik", self.theta_cov)))
 
     def at(self, time: float) -> NarxModel:
-        """Return the constant model with the parameters at one time.
-
-        Parameters
-        ----------
-        time : float
-            Time on the experiment's clock in s; the parameters at the nearest of ``timepts`` are used.
-
-        Raises
-        ------
-        ModelError
-            If the time is before the first or after the last.
-        """
+        """Return the model nearest to `time`, s on the clock of the experiment; ModelError if `time` is outside."""
         k = int(self._nearest(np.array([time]))[0])
         return replace(self.model, theta=self.theta[:, k], theta_cov=self.theta_cov[k])
 
     def thinned(self, step: int) -> Self:
-        """Return the trajectory at every ``step``-th time, to save memory of the covariances.
-
-        Parameters
-        ----------
-        step : int
-            Spacing of the times that are kept, counted from the end; the last one is kept.
-
-        Raises
-        ------
-        ModelError
-            If the step is below 1.
-        """
-        if step < 1:
-            raise ModelError(f"step = {step}; it must be at least 1")
-        kept = np.arange(self.timepts.size)[::-step][::-1]
+        """Return every `step`-th time, counted from the end, to save memory; ModelError if `step` is below 1."""
+        kept = np.arange(self.timepts.size)[:: -whole_number(step, "step")][::-1]
         return replace(self, timepts=self.timepts[kept], theta=self.theta[:, kept], theta_cov=self.theta_cov[kept])
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict each sample from the measurements up to ``steps`` samples before it, with varying parameters.
-
-        Parameters
-        ----------
-        recording : Recording
-            Measured inputs and outputs within the trajectory's times.
-        steps : int
-            Number of samples ahead.
-
-        Returns
-        -------
-        NarxResponse
-
-        Raises
-        ------
-        ModelError
-            If the recording does not suit the model, or reaches beyond the trajectory.
-        """
+        """Predict `steps` samples ahead as `NarxModel.predict`; ModelError if `recording` exceeds the trajectory."""
         return self._driven.predict(self._with_theta(recording), steps=steps)
 
     def simulate(self, recording: Recording) -> NarxResponse:
-        """Simulate in free run with the parameters of each time, from the inputs and the first measured lags.
-
-        Parameters
-        ----------
-        recording : Recording
-            Inputs and outputs within the trajectory's times; the outputs of the first lags start the run.
-
-        Returns
-        -------
-        NarxResponse
-
-        Raises
-        ------
-        ModelError
-            If the recording does not suit the model, or reaches beyond the trajectory.
-        """
+        """Run free from the first lags measured; ModelError if `recording` exceeds the trajectory."""
         return self._driven.simulate(self._with_theta(recording))
 
     def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
-        """Draw each parameter over time with its 95 % band.
-
-        Parameters
-        ----------
-        axes : sequence of matplotlib Axes, length n_terms, optional
-            Axes to draw on; a new figure is made if omitted.
-
-        Returns
-        -------
-        list of matplotlib Axes, length n_terms
-
-        Raises
-        ------
-        ModelError
-            If there are fewer axes than terms.
-        """
+        """Draw each parameter over time with its band on `axes` or new ones; ModelError if there are too few axes."""
         panels = panels_or_new(axes, len(self.terms), height=1.4, sharex=True)
         for ax, term, theta, std in zip(panels, self.terms, self.theta, self.std, strict=True):
             half = _QUANTILE * std

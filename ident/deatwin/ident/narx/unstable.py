@@ -59,13 +59,7 @@ class Unstable:
         return complex(np.log(self.pole) / self.sample_time)
 
     def sentences(self, units: Sequence[str]) -> list[str]:
-        """Return sentences on the pole and on the error of the predictions.
-
-        Parameters
-        ----------
-        units : sequence of str
-            Units of the outputs.
-        """
+        """Return sentences on the pole and on the error of the predictions, in the outputs' `units`."""
         ahead = ", ".join(
             f"{with_unit(rms, unit)} rms (fit {percent:.4g} %)"
             for rms, percent, unit in zip(self.ahead.rms, self.ahead.percent, units, strict=True)

@@ -326,10 +326,6 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
     level : float
         Probability that a single test fails although the model is adequate.
 
-    Returns
-    -------
-    Validation
-
     Raises
     ------
     ModelError

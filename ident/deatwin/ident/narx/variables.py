@@ -66,13 +66,7 @@ class Variable:
         return f"{self.kind}{self.channel or ''}"
 
     def written(self, symbol: str) -> str:
-        """Return the variable as text with another symbol for its signal.
-
-        Parameters
-        ----------
-        symbol : str
-            Symbol of the signal without its lag.
-        """
+        """Return the variable as text with another `symbol` for its signal."""
         return symbol + _delay(self.lag) if self.shape is None else self.shape.written(symbol, _delay, self.lag)
 
     def __str__(self) -> str:

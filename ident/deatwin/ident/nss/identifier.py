@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import whole_number
 from deatwin.ident.look.best_linear import best_linear_approximation
 from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
@@ -71,29 +72,7 @@ class StateSpaceIdentifier(Identifier):
         """Raise ModelError unless the arguments make sense."""
 
     def fit(self, recordings: Recordings, y: None = None, *, progress: Progress | None = None) -> Self:
-        """Estimate the weights.
-
-        Ctrl-C ends the search: the best model so far is kept, and ``status_`` says so.
-
-        Parameters
-        ----------
-        recordings : Recording, Experiment, or several
-            Training data with a common sample time; each recording has its own first state.
-        y : None
-            Part of scikit-learn's contract; the outputs are those of the recordings.
-        progress : callable, optional
-            Called with the share done, between 0 and 1, and a description of the current step.
-
-        Returns
-        -------
-        StateSpaceIdentifier
-            The estimator itself.
-
-        Raises
-        ------
-        ModelError
-            If an argument makes no sense, or the recordings do not suit the estimator.
-        """
+        """Estimate the weights; `recordings`, `y` and `progress` are those of `NarxIdentifier.fit`."""
         from threadpoolctl import threadpool_limits
 
         require_no_target(y)
@@ -128,8 +107,7 @@ class StateSpaceIdentifier(Identifier):
 
     def _require_whole(self, *names: str) -> None:
         for name in (*names, "max_steps"):
-            if not (isinstance(getattr(self, name), int | np.integer) and getattr(self, name) >= 1):
-                raise ModelError(f"{name} = {getattr(self, name)!r}; it must be a whole number of at least 1")
+            whole_number(getattr(self, name), name)
         if not 0.0 <= self.held_out < 1.0:
             raise ModelError(f"held_out = {self.held_out}; it must be at least 0 and below 1")
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.drive import Drive, require_suits
-from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.posterior import quantile
 from deatwin.ident.narx.predictive import PredictiveBand
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
@@ -248,24 +248,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         return response_over(drive, values, drive.first, self.output_units, ResponseStatus.DIVERGED, when)
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict each sample. Because noise is white and on the readings, this is the free run at any horizon.
-
-        Parameters
-        ----------
-        recording : Recording
-            Measured inputs and outputs, in the model's units.
-        steps : int
-            Number of samples ahead, at least 1.
-
-        Returns
-        -------
-        NarxResponse
-
-        Raises
-        ------
-        ModelError
-            If the recording does not suit the model, or the number of steps is below 1.
-        """
+        """Predict a `recording` by its free run, which is best at any horizon `steps` as noise is on the readings."""
         if not 0 < steps < recording.n_samples:
             raise ModelError(f"steps = {steps}; it must be at least 1 and less than the recording's samples")
         return self.simulate(recording)
@@ -283,10 +266,6 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
             Number of samples that determine the first state, as in `simulate`.
         level : float
             Probability of the band, between 0 and 1.
-
-        Returns
-        -------
-        PredictiveBand
 
         Raises
         ------

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from deatwin.ident.arguments import whole_number
 from deatwin.ident.nss.basis import Basis, monomials
 from deatwin.ident.nss.identifier import StateSpaceIdentifier
 from deatwin.ident.nss.march import System
@@ -103,8 +104,7 @@ class Pnlss(StateSpaceIdentifier):
             raise ModelError(
                 f"a degree of {wrong[0]}; degrees are whole numbers from 2 on, linear terms are always there"
             )
-        if self.directions < 0:
-            raise ModelError(f"directions = {self.directions}; it must not be negative")
+        whole_number(self.directions, "directions", 0)
 
     def _needed(self, record: Recording) -> int:
         basis, rates, readings = self._basis(len(record.inputs))

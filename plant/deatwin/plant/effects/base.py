@@ -128,19 +128,7 @@ class Effect(ABC):
 
     @abstractmethod
     def rewrite(self, signal: Any, build: Builder) -> Any:
-        """Return the signal that results from this effect.
-
-        Parameters
-        ----------
-        signal : symbol or object
-            Signal before this effect.
-        build : Builder
-            Builder that collects the effect's states and equations.
-
-        Returns
-        -------
-        same kind as `signal`
-        """
+        """Return `signal`, a symbol or an object, as changed by this effect; states and equations go into `build`."""
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
         """Suggest start points of a fit from a residual.
@@ -160,18 +148,7 @@ class Effect(ABC):
         return ()
 
     def cycle(self, measured: Collection[str]) -> float:
-        """Return the period of the cycle that this effect follows; a short part of a cycle looks like a drift.
-
-        Parameters
-        ----------
-        measured : collection of str
-            Names of the further channels in the recordings.
-
-        Returns
-        -------
-        float
-            Period, s; 0 if there is no cycle or if the recordings measure it.
-        """
+        """Return the period, s, of the cycle that the effect follows; 0 if none, or if `measured` names its channel."""
         return 0.0
 
     @property
@@ -218,17 +195,7 @@ class Effect(ABC):
         return tuple(replace(p, name=f"{self.name}.{p.name}") for p in self.describe())
 
     def described(self, name: str) -> Parameter:
-        """Return the description of one parameter.
-
-        Parameters
-        ----------
-        name : str
-            Field name.
-
-        Returns
-        -------
-        Parameter
-        """
+        """Return the description of the parameter in field `name`."""
         return next(p for p in self.describe() if p.name == name)
 
     @property
@@ -237,17 +204,5 @@ class Effect(ABC):
         return tuple(f.name for f in fields(self) if f.name != self.strength)
 
     def own(self, name: str, build: Builder) -> Any:
-        """Return the symbol of one of this effect's parameters.
-
-        Parameters
-        ----------
-        name : str
-            Field name.
-        build : Builder
-            Builder of the plant.
-
-        Returns
-        -------
-        casadi.SX
-        """
+        """Return the symbol of this effect's parameter in field `name` of the builder `build`."""
         return build.own(f"{self.name}.{name}")

@@ -63,12 +63,7 @@ def _loaded(point: EntryPoint) -> type[Effect]:
 
 
 def catalogue() -> tuple[Effect, ...]:
-    """Return every known effect at its typical strength, sorted by name.
-
-    Returns
-    -------
-    tuple of Effect
-    """
+    """Return every known effect at its typical strength, sorted by name."""
     return tuple(kind() for kind in _types().values())
 
 
@@ -85,10 +80,6 @@ def effect_named(name: str) -> Effect:
     ----------
     name : str
         Canonical name, for example ``"creep"``.
-
-    Returns
-    -------
-    Effect
 
     Raises
     ------

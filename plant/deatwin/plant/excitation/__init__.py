@@ -5,8 +5,8 @@ argument, and the commands depend on its state only.
 """
 
 from deatwin.plant.excitation.multisine import odd_harmonics, random_odd_harmonics, random_phase_multisine
-from deatwin.plant.excitation.noise import band_limited_noise, share_above_band, two_level_noise
-from deatwin.plant.excitation.rearranged import with_alternating_polarity, with_rests
+from deatwin.plant.excitation.noise import band_limited_noise, share_above_band
+from deatwin.plant.excitation.rearranged import with_alternating_polarity
 from deatwin.plant.excitation.steps import random_holds, staircase, triangles
 from deatwin.plant.excitation.sweeps import linear_chirp, logarithmic_chirp
 
@@ -21,7 +21,5 @@ __all__ = [
     "share_above_band",
     "staircase",
     "triangles",
-    "two_level_noise",
     "with_alternating_polarity",
-    "with_rests",
 ]

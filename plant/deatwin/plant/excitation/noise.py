@@ -1,7 +1,5 @@
 """Band-limited Gaussian noise, and the effect of limits on its spectrum."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -72,66 +70,6 @@ def band_limited_noise(
     return np.clip(mean + noise, lower, upper)
 
 
-def two_level_noise(
-    rng: np.random.Generator,
-    duration: float,
-    sample_time: float,
-    means: Sequence[float] = (1.6, 2.8),
-    variances: Sequence[float] = (0.04, 0.04),
-    segment: float = 60.0,
-    band: float = 1.0,
-    lower: float = 1.1,
-    upper: float = 3.75,
-) -> NDArray[np.float64]:
-    """Return band-limited noise whose mean, variance or both alternate between levels.
-
-    One noise signal of unit variance covers all segments. It is scaled and shifted in each segment, and finally clipped
-    to the limits. The variance within a single segment therefore differs randomly from the given variance. The change
-    between segments is a jump, which has power above the band.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Random generator for the noise.
-    duration : float
-        Length, s; rounded to whole samples. The last segment ends with the signal.
-    sample_time : float
-        Time between two samples, s.
-    means : sequence of float
-        Operating point of each level, V; equal values if only the variance is to change.
-    variances : sequence of float
-        Variance of each level before the limits, V²; one per mean.
-    segment : float
-        Time at each level before the next, s; rounded to whole samples.
-    band : float
-        Band limit, Hz; at most half the sample rate.
-    lower, upper : float
-        Limits, V.
-
-    Returns
-    -------
-    (n,) array
-        Commands, V.
-
-    Raises
-    ------
-    DataError
-        If there are no levels or not one variance per mean, a variance is negative, the limits do not enclose the
-        means, a time is shorter than a sample, or the band does not fit duration and sample rate.
-    """
-    if len(means) == 0 or len(means) != len(variances):
-        raise DataError(f"{len(means)} means and {len(variances)} variances: need one variance a mean")
-    if not min(variances) >= 0.0 or not lower < min(means) <= max(means) < upper:
-        raise DataError(
-            f"variances {_listed(variances)}, means {_listed(means)}, limits {lower:g} and {upper:g}: need "
-            "variances >= 0 and lower < means < upper"
-        )
-    n = sample_count("duration", duration, sample_time)
-    level = np.arange(n) // sample_count("segment", segment, sample_time) % len(means)
-    noise = _noise(rng, n, sample_time, band, variance=1.0)
-    return np.clip(np.asarray(means)[level] + np.sqrt(np.asarray(variances))[level] * noise, lower, upper)
-
-
 def share_above_band(commands: ArrayLike, sample_time: float, band: float) -> float:
     """Return the share of a signal's power above a frequency, with the power at 0 Hz left out of the total.
 
@@ -190,7 +128,3 @@ def _noise(rng: np.random.Generator, n: int, sample_time: float, band: float, va
         raise DataError(f"duration {n * sample_time:g} s: noise up to {band:g} Hz needs at least {1.0 / band:g} s")
     noise = np.fft.irfft(np.where(inside, np.fft.rfft(rng.standard_normal(n)), 0.0), n)
     return noise * (np.sqrt(variance) / noise.std())
-
-
-def _listed(values: Sequence[float]) -> str:
-    return ", ".join(f"{value:g}" for value in values)

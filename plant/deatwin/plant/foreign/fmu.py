@@ -98,10 +98,6 @@ class FmuModel:
         units : mapping of str to str, optional
             Units of inputs and output that the FMU does not declare.
 
-        Returns
-        -------
-        FmuModel
-
         Raises
         ------
         RigError

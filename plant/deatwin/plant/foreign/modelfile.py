@@ -59,10 +59,6 @@ def read_model_file(path: str | os.PathLike[str]) -> Plant:
     path : str or path-like
         TOML file; the page "Models written elsewhere" explains its sections and keys.
 
-    Returns
-    -------
-    Plant
-
     Raises
     ------
     RigError

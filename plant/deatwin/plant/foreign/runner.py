@@ -6,9 +6,8 @@ the model is called; in a second run its readings, linear within a sample, pass 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from deatwin.plant.foreign.calls import Answer, Call, Model, answers
 from deatwin.plant.parameters import Parameter, ParameterSet, Scale
 from deatwin.plant.rigs.base import ReadingTime
-from deatwin.plant.simulate import Progress, Run, RunStatus, Simulator
+from deatwin.plant.simulate import Given, Progress, Run, RunStatus, Simulator
 
 Array = NDArray[np.float64]
 
@@ -44,37 +43,18 @@ class ForeignRunner:
     simulator: Simulator
     parameters: ParameterSet  # Parameters of the whole plant
 
-    def run(
-        self,
-        commands: np.ndarray,
-        *,
-        start: float,
-        sample_time: float,
-        rest_command: float,
-        values: np.ndarray,
-        channels: Mapping[str, np.ndarray] | None = None,
-        progress: Progress | None = None,
-    ) -> Run:
-        """Simulate. Shapes: `commands` (n,); `values` (n_p,); `channels` (n,)."""
-        around = _Around(self, commands, start, sample_time, rest_command, channels or {})
+    def run(self, commands: np.ndarray, *, progress: Progress | None = None, **given: Unpack[Given]) -> Run:
+        """Simulate. Shapes: `commands` (n,)."""
+        around, values = _Around(self, commands, given), given["values"]
         called = around.call(values)
         if isinstance(called, Run):
             return called
         (answer,) = answers(self.model, [called], self.longest)
         return around.read(answer, values, called)
 
-    def run_with_sensitivities(
-        self,
-        commands: np.ndarray,
-        *,
-        start: float,
-        sample_time: float,
-        rest_command: float,
-        values: np.ndarray,
-        channels: Mapping[str, np.ndarray] | None = None,
-    ) -> Run:
+    def run_with_sensitivities(self, commands: np.ndarray, **given: Unpack[Given]) -> Run:
         """Simulate with derivatives: exact for parameters behind the model only, else central differences."""
-        around = _Around(self, commands, start, sample_time, rest_command, channels or {})
+        around, values = _Around(self, commands, given), given["values"]
         base = around.call(values)
         if isinstance(base, Run):
             return base
@@ -118,19 +98,11 @@ class ForeignRunner:
 class _Around:
     """The parts of a plant before and after the model, in one experiment."""
 
-    def __init__(
-        self,
-        runner: ForeignRunner,
-        commands: np.ndarray,
-        start: float,
-        sample_time: float,
-        rest_command: float,
-        channels: Mapping[str, np.ndarray],
-    ) -> None:
+    def __init__(self, runner: ForeignRunner, commands: np.ndarray, given: Given) -> None:
         self._runner, self._simulator, self._parameters = runner, runner.simulator, runner.parameters
-        self._commands, self._channels = commands, channels
-        self._clock: dict[str, Any] = {"start": start, "sample_time": sample_time, "rest_command": rest_command}
-        self._time: Array = start + sample_time * np.arange(commands.size, dtype=float)
+        self._commands, self._given = commands, given
+        self._channels = given.get("channels") or {}
+        self._time: Array = given["start"] + given["sample_time"] * np.arange(commands.size, dtype=float)
 
     def call(self, values: np.ndarray) -> Call | Run:
         """Return the arguments for the model, or the failed run."""
@@ -140,12 +112,13 @@ class _Around:
         inputs = {name: self._channel(name, default) for name, default in runner.channels}
         inputs = {runner.input_name: np.asarray(self._commands, dtype=float), **inputs}
         if self._simulator.equations.signals:
-            run = self._simulator.run(self._commands, **self._clock, values=values, channels=self._channels)
+            given: Given = {**self._given, "values": values}
+            run = self._simulator.run(self._commands, **given)
             if not run.status.ok or run.watched is None:
                 return replace(run, outputs=run.outputs[:0], watched=None, failed_at=None)
             for name, signal in zip(self._simulator.equations.signals, run.watched, strict=True):
                 if name == APPLIED:
-                    inputs[runner.input_name] = np.diff(signal, prepend=0.0) / self._clock["sample_time"]
+                    inputs[runner.input_name] = np.diff(signal, prepend=0.0) / self._given["sample_time"]
                 elif name.startswith(VARYING):
                     parameters[name.removeprefix(VARYING)] = signal
         return Call(parameters=parameters, inputs=inputs, time=self._time, output=runner.output_name)
@@ -162,12 +135,9 @@ class _Around:
         first = float(readings[0])
         simulator = self._simulator.resting({BEFORE: first, AFTER: first})
         run = simulator.run_with_sensitivities if sensitive else simulator.run
-        found = run(
-            self._commands,
-            **self._clock,
-            values=values,
-            channels={**self._channels, BEFORE: before, AFTER: after},
-        )
+        channels = {**self._channels, BEFORE: before, AFTER: after}
+        given: Given = {**self._given, "values": values, "channels": channels}
+        found = run(self._commands, **given)
         return replace(found, watched=self._watched(found.watched, call))
 
     def _watched(self, watched: np.ndarray | None, call: Call) -> np.ndarray | None:

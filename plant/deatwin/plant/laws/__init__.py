@@ -25,10 +25,6 @@ from deatwin.plant.laws.energies import (
 )
 from deatwin.plant.laws.formula import Formula
 from deatwin.plant.laws.permittivity import (
-    displacement,
-    polarisation_rate,
-    polarised_energy,
-    random_walk,
     relaxing,
     stretched,
 )
@@ -42,7 +38,6 @@ __all__ = [
     "arruda_boyce",
     "capacitance",
     "conduction_density",
-    "displacement",
     "effective_permittivity",
     "electric_energy",
     "electrostriction_factors",
@@ -55,9 +50,6 @@ __all__ = [
     "mooney_rivlin",
     "neo_hookean",
     "ogden",
-    "polarisation_rate",
-    "polarised_energy",
-    "random_walk",
     "relaxing",
     "second_invariant",
     "stretched",

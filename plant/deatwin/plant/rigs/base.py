@@ -20,7 +20,7 @@ from deatwin.plant.errors import DeatwinError, RigError
 from deatwin.plant.parameters import Parameter, ParameterSet
 from deatwin.plant.readings import ROOM_TEMPERATURE, Reading, readings_from
 from deatwin.plant.rigfaults import users_code
-from deatwin.plant.rigs.stated import require_stated
+from deatwin.plant.rigs.stated import require_number, require_stated
 from deatwin.plant.substance import Material
 from deatwin.plant.supply import Supply, supply_from
 
@@ -72,9 +72,9 @@ class StartProcedure:
     uncounted: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_number("rest_command of the start", self.rest_command, least=-math.inf)
+        require_number("rest_command of the start", self.rest_command, least=-math.inf)
         for name in ("ramp", "hold", "uncounted"):
-            _require_number(f"{name} of the start", getattr(self, name), least=0.0)
+            require_number(f"{name} of the start", getattr(self, name), least=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,10 +194,6 @@ class Rig(ABC):
             Equations that `write` and the effects gave.
         parameters : ParameterSet
             Parameters of the plant.
-
-        Returns
-        -------
-        Runner
         """
         return simulator
 
@@ -214,22 +210,7 @@ class Rig(ABC):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Make the rig from the data that `to_dict` returned.
-
-        Parameters
-        ----------
-        data : mapping
-            Plain data.
-
-        Returns
-        -------
-        Rig
-
-        Raises
-        ------
-        RigError
-            If a field has the wrong type or is out of range.
-        """
+        """Make the rig from the `data` of `to_dict`; RigError if a field has a wrong type or is out of range."""
         limits, chain = data["command_range"], data.get("chain")
         read: dict[str, Any] = {
             "reading": ReadingTime(data["reading"]),
@@ -246,17 +227,7 @@ class Rig(ABC):
         return rig
 
     def with_effects(self, *effects: Effect) -> Plant:
-        """Return the plant of this rig and effects.
-
-        Parameters
-        ----------
-        *effects : Effect
-            Effects of the plant; without any, it is the base plant.
-
-        Returns
-        -------
-        Plant
-        """
+        """Return the plant of this rig and `effects`; without any, it is the base plant."""
         from deatwin.plant.model import Plant  # a plant is made of rigs, so the module cannot be loaded first
 
         return Plant(rig=self, effects=effects)
@@ -278,17 +249,7 @@ class Rig(ABC):
         return known if self.sizes is None else tuple(self.sizes.of(effect) for effect in known)
 
     def for_motion(self, motion: float) -> Self:
-        """Return the rig with the model error that applies to motion of a given size.
-
-        Parameters
-        ----------
-        motion : float
-            Standard deviation of the readings, SI.
-
-        Returns
-        -------
-        Rig
-        """
+        """Return the rig with the model error for `motion` of a given standard deviation, SI."""
         return replace(self, model_error=max(self.model_error, self.share_of_motion * motion))
 
     @property
@@ -338,18 +299,10 @@ def require_usable(rig: object) -> None:
     if not isinstance(rig, Rig):
         given = rig.__name__ if isinstance(rig, type) else repr(rig)
         raise RigError(f"{given} is not a rig: give an object such as Diaphragm()")
-    _require_number("sample_time", rig.sample_time)
+    require_number("sample_time", rig.sample_time)
     require_reading_time(rig.reading, RigError)
     if rig.command_range is not None:
         ends = tuple(rig.command_range) if isinstance(rig.command_range, Iterable) else ()
         if len(ends) != 2 or not all(isinstance(end, Real) for end in ends) or not ends[0] <= ends[1]:
             raise RigError(f"command_range is {rig.command_range!r}; it must be the lower end and then the upper one")
     rig.readings, rig.start  # noqa: B018  (check noise, model error and times)
-
-
-def _require_number(name: str, value: object, *, least: float | None = None) -> None:
-    """Raise RigError unless a value is a finite number, at least `least`, or above 0 if that is omitted."""
-    finite = isinstance(value, Real) and math.isfinite(value)
-    if not finite or (value <= 0.0 if least is None else value < least):  # type: ignore[operator]
-        wanted = "" if least == -math.inf else " above 0" if least is None else f" of at least {least:g}"
-        raise RigError(f"{name} is {value!r}; it must be a number{wanted}")

@@ -80,18 +80,7 @@ class Coupon(Rig):
 
     @classmethod
     def from_rig_file(cls, described: RigFile) -> Self:
-        """Make the strip from a rig file.
-
-        Parameters
-        ----------
-        described : RigFile
-            Content of the rig file, from `read_rig`.
-
-        Returns
-        -------
-        Coupon
-            Strip whose model error is that of the default strip, as a share of its own stiffness.
-        """
+        """Make the strip `described` by a rig file, with the relative model error of the default strip."""
         names = {field.name for field in fields(cls)}
         shared = {name: value for name, value in described.shared.items() if name in names}
         rig = cls(**{**shared, **described.film})

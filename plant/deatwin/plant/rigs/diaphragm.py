@@ -168,13 +168,7 @@ class Diaphragm(Rig):
         return tuple(rivals)
 
     def finer(self) -> Diaphragm:
-        """Return the rig with finer equations, for `Plant.model_error`.
-
-        Returns
-        -------
-        Diaphragm
-            Rig of resolution ``"fine"``, with twice the elements if this rig is already fine.
-        """
+        """Return the rig of resolution ``"fine"``, or with twice the elements if it is fine already."""
         if self.resolution == "fine":
             return replace(self, elements=2 * self.elements)
         return replace(self, resolution="fine")

@@ -84,10 +84,6 @@ def draw_rig(rig: Rig, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
         Axes to draw on; new ones by default.
 
-    Returns
-    -------
-    matplotlib Axes
-
     Raises
     ------
     RigError

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from math import isfinite
+from math import inf, isfinite
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from deatwin.plant.errors import RigError
@@ -33,6 +34,14 @@ _KINDS = {
     "bool": (bool, "true or false"),
     "str": (str, "text"),
 }
+
+
+def require_number(name: str, value: object, *, least: float | None = None) -> None:
+    """Raise RigError unless a value is a finite number, at least `least`, or above 0 if that is omitted."""
+    is_number = isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    if not is_number or (value <= 0.0 if least is None else value < least):  # type: ignore[operator]
+        wanted = "" if least == -inf else " above 0" if least is None else f" of at least {least:g}"
+        raise RigError(f"{name} is {clipped(repr(value))}; it must be a number{wanted}")
 
 
 def require_stated(rig: Rig) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from deatwin.app.live.drawing import DRAWING
+from deatwin.app.live.glance import DRAWING
 from deatwin.app.live.verdicts import Verdict
 
 SIZE = (2.7, 1.2)

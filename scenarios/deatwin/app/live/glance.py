@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
 from deatwin.app.live.desk import inside
-from deatwin.app.live.drawing import DRAWING
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.files.understood import Column, Understood, understand
 from deatwin.plant.readings import Reading
 from deatwin.plant.readoptions import ReadOptions
 
 SIZE = (5.4, 6.4)
+DRAWING = threading.Lock()  # One drawing at a time, because matplotlib's style is global
 
 
 @dataclass(frozen=True, kw_only=True)

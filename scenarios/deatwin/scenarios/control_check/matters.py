@@ -15,7 +15,6 @@ from deatwin.control import (
     Controller,
     LinearFamily,
     closed_loop,
-    draw,
     draw_plants,
     lambda_tuning,
     linearise_many,
@@ -27,6 +26,7 @@ from deatwin.control.checking.rows import rows_of_family
 from deatwin.control.checking.subject import STICKING
 from deatwin.control.checking.trial import Trial
 from deatwin.control.stability.bandwidth import bandwidth_Hz
+from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx, free_run_residual
 from deatwin.ident.narx.fleet.alike import linear_in_output
 from deatwin.plant import CalibratedPlant, DeatwinError, Plant, ReadingTime, Recording
@@ -169,7 +169,7 @@ def _of_narx(
         model = make(recording)
         run = model.simulate(recording)
         residual = run.rms_error if run.status.ok else None
-        family = linearise_many(model, [OPERATING], np.vstack([model.theta, draw(model, rng, SAMPLES)]))
+        family = linearise_many(model, [OPERATING], np.vstack([model.theta, draw_theta(model, rng, SAMPLES)]))
         family = family.in_loop(truth.plant.rig.reading)
         controller = _design(family.at(0, 0))
         left = free_run_residual(model, recording)

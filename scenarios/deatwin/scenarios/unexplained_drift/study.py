@@ -138,9 +138,10 @@ def carry_out(
     answers: Answers, seed: int, command: Sequence[str], jobs: int, tell: Callable[[float, str], None]
 ) -> Study:
     """Run all cases without a result; each diagnosis receives only its recordings."""
+    named = {actuator.name.lower().replace(" ", ""): actuator for actuator in fleet(seed)}
     diagnoses: dict[str, Work] = {
-        _slug(actuator): partial(_diagnosed, actuator, answers.folder / "diagnoses" / _slug(actuator), command, seed)
-        for actuator in fleet(seed)
+        name: partial(_diagnosed, actuator, answers.folder / "diagnoses" / name, command, seed)
+        for name, actuator in named.items()
     }
     repeats: dict[str, Work] = {f"argument-{n:02d}": partial(_driven, *run) for n, run in enumerate(runs(seed))}
     through = answers.names()
@@ -168,7 +169,3 @@ def _whole(answers: Answers, name: str) -> bool:
     """Test that a diagnosis can be read, and that all its files are still there."""
     answers.finding(name)
     return all((answers.folder / file).exists() for file in answers.files(name))
-
-
-def _slug(actuator: Actuator) -> str:
-    return actuator.name.lower().replace(" ", "")

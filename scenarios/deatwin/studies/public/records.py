@@ -44,13 +44,7 @@ class Candidates:
     @property
     def arguments(self) -> dict[str, object]:
         """Return arguments for an estimator, without the number of terms."""
-        return {
-            "output_lags": self.output_lags,
-            "input_lags": self.input_lags,
-            "degree": self.degree,
-            "rule": self.rule,
-            "functions": self.functions,
-        }
+        return {name: value for name, value in vars(self).items() if name != "max_terms"}
 
 
 class Learner(Protocol):

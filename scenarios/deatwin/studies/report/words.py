@@ -20,6 +20,11 @@ _HEADING = re.compile(r"^## +(.+)$", re.MULTILINE)
 _CODE = re.compile(r"^```\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
+def as_sentence(text: str) -> str:
+    """Return a text that begins with a small letter and has no full stop as a sentence."""
+    return f"{text[:1].upper()}{text[1:]}."
+
+
 def listed(texts: list[str]) -> str:
     """Join texts in words.
 

@@ -60,10 +60,6 @@ class Study:
         This needs xarray (the extra ``files``). The values that define a case are coordinates. For a case that failed,
         numbers are NaN, texts are empty, and the variable ``error`` holds the message.
 
-        Returns
-        -------
-        xarray.Dataset
-
         Raises
         ------
         DataError
@@ -117,10 +113,6 @@ def open_study(folder: Path | str) -> Study:
     ----------
     folder : path
         Folder that was given to `run_study`.
-
-    Returns
-    -------
-    Study
 
     Raises
     ------

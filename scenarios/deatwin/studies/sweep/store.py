@@ -190,13 +190,7 @@ class CaseStore:
 
     @contextmanager
     def exclusive_lock(self) -> Iterator[None]:
-        """Lock the folder against a second run, and remove the remains of a killed run.
-
-        Raises
-        ------
-        DataError
-            If another process is running this sweep.
-        """
+        """Lock the folder and remove the remains of a killed run; DataError if another process runs this sweep."""
         with exclusive_lock(self.folder / RUNNING):
             if self.left_running():
                 time.sleep(GRACE)

@@ -82,10 +82,6 @@ def run_study(
     tell : callable, optional
         Callback that receives the completed share and a text; by default a progress bar on a terminal.
 
-    Returns
-    -------
-    Study
-
     Raises
     ------
     DataError

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.control.linear.family import LinearFamily, draw, linearise_many
+from deatwin.control.linear.family import LinearFamily, linearise_many
 from deatwin.control.linear.model import LinearStatus
 from deatwin.control.linear.narx import linearise
+from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import ModelError, ReadingTime
 
@@ -16,7 +17,7 @@ POINTS = np.linspace(1.4, 3.2, 4)
 
 @pytest.fixture(scope="module")
 def family(model) -> tuple[np.ndarray, LinearFamily]:
-    thetas = draw(model, np.random.default_rng(1), 30)
+    thetas = draw_theta(model, np.random.default_rng(1), 30)
     return thetas, linearise_many(model, POINTS, thetas)
 
 

@@ -4,8 +4,9 @@ import control
 import numpy as np
 import pytest
 
-from deatwin.control import LinearStatus, draw, linearise, linearise_many
+from deatwin.control import LinearStatus, linearise, linearise_many
 from deatwin.ident.frequency import equilibrium, gfrf
+from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import ModelError, ReadingTime, Recording
 
@@ -48,7 +49,7 @@ def test_it_has_the_frequency_response_and_the_band_of_the_gain(model):
 
 def test_samples_of_the_posterior_have_its_covariance(model):
     linear = linearise(model)
-    family = linearise_many(model, [linear.operating_input], draw(model, np.random.default_rng(2), 2000))
+    family = linearise_many(model, [linear.operating_input], draw_theta(model, np.random.default_rng(2), 2000))
     drawn = np.concatenate([family.numerators[0], family.denominators[0, :, 1:]], axis=1)
     scale = np.sqrt(np.diag(linear.covariance))
     np.testing.assert_allclose(drawn.std(axis=0), scale, rtol=0.1)

@@ -15,7 +15,7 @@ from deatwin.ident.frequency import (
     output_spectrum,
 )
 from deatwin.ident.frequency.drawing import bode
-from deatwin.ident.frequency.maps import plot_slices, plot_surface, slice_of
+from deatwin.ident.frequency.maps import plot_surface, slice_of
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 
@@ -192,20 +192,6 @@ def test_a_slice_holds_the_nearest_frequencies():
             slice_of(given, held)
     with pytest.raises(ModelError, match="slice holds the third"):
         slice_of(gfrf(MODEL, 2, frequency_grid(AXIS, AXIS)), 1.0)
-
-
-def test_slices_share_their_colours():
-    cube = gfrf(MODEL, 3, frequency_grid(AXIS, AXIS, AXIS))
-    panels = plot_slices(cube, [-10.0, 0.0, 10.0])
-    assert [panel.get_title() for panel in panels] == [f"$f_3$ = {held} Hz" for held in (-10, 0, 10)]
-    levels = [panel.collections[0].levels for panel in panels]
-    np.testing.assert_array_equal(levels[0], levels[1])
-    np.testing.assert_array_equal(levels[0], levels[2])
-    assert len(plot_slices(cube)) == 6
-    with pytest.raises(ModelError, match="2 slices need as many axes; got 1"):
-        plot_slices(cube, [0.0, 1.0], [pyplot.subplots()[1]])
-    with pytest.raises(ModelError, match="slices need values on a grid"):
-        plot_slices(gfrf(MODEL, 3, np.random.default_rng(0).uniform(-9, 9, (9, 3))))
 
 
 def test_bode():

@@ -196,7 +196,7 @@ def test_the_status_says_if_the_error_is_least(arguments, status):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"states": 0}, "states = 0; it must be a whole number of at least 1"),
+        ({"states": 0}, "states = 0; it must be an integer of at least 1"),
         ({"degrees": [1]}, "a degree of 1"),
         ({"held_out": 1.0}, "held_out = 1.0"),
         ({"directions": 1}, "no term holds the direction s1"),

@@ -17,7 +17,6 @@ from deatwin.plant.excitation import (
     share_above_band,
     staircase,
     triangles,
-    two_level_noise,
     with_alternating_polarity,
 )
 
@@ -105,30 +104,6 @@ class TestShareAboveBand:
         spectrum = np.abs(scipy.signal.periodogram(noise, return_onesided=True, detrend="constant")[1])
         above = np.fft.rfftfreq(n) > 0.3
         assert share_above_band(noise, 1.0, 0.3) == pytest.approx(spectrum[above].sum() / spectrum.sum(), rel=1e-12)
-
-
-class TestTwoLevelNoise:
-    def test_each_segment_has_its_mean_and_variance(self) -> None:
-        command = two_level_noise(
-            np.random.default_rng(1), 2400.0, SAMPLE_TIME, (1.6, 2.8), (0.01, 0.09), 60.0, lower=-50.0, upper=50.0
-        )
-        parts = command.reshape(-1, 3000)
-        # Flat noise up to B has 2BT = 120 independent values a segment, 2400 a level: standard errors of mean and
-        # variance, of which five are allowed.
-        for level, mean, variance in ((parts[0::2], 1.6, 0.01), (parts[1::2], 2.8, 0.09)):
-            assert abs(level.mean() - mean) < 5.0 * np.sqrt(variance / 2400)
-            assert abs(((level - mean) ** 2).mean() / variance - 1.0) < 5.0 * np.sqrt(2.0 / 2400)
-
-    def test_with_one_level_it_is_band_limited_noise(self) -> None:
-        one = two_level_noise(np.random.default_rng(2), 100.0, SAMPLE_TIME, (2.4,), (0.36,), 7.0)
-        np.testing.assert_allclose(one, band_limited_noise(np.random.default_rng(2), 100.0, SAMPLE_TIME), rtol=1e-14)
-
-    def test_limits_hold_and_the_generator_decides(self) -> None:
-        first, again = (
-            two_level_noise(np.random.default_rng(3), 250.0, SAMPLE_TIME, variances=(0.36, 0.36)) for _ in range(2)
-        )
-        assert first.shape == (12500,) and first.min() == 1.1 and first.max() == 3.75
-        np.testing.assert_array_equal(first, again)
 
 
 class TestChirps:

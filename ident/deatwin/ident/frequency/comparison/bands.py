@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import real_numbers, whole_order
+from deatwin.ident.arguments import read_only, real_numbers
+from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.comparison.equality import Scatter
 from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]

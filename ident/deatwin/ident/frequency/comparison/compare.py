@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deatwin.ident.frequency.checks import probability
+from deatwin.ident.arguments import probability
 from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means, whole_orders
 from deatwin.ident.frequency.comparison.equality import Equality, equality, holm
 from deatwin.ident.frequency.linear import operating_input_of
@@ -199,13 +199,7 @@ class Comparison(Described):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the table: a row for each pair, a column for each order and band, with the size of each difference.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot each difference on `ax` or new axes, with a row for each pair and a column for each order and band."""
         return _plot(self, ax)
 
 
@@ -253,10 +247,6 @@ def compare(
         Differences up to this share of the gain are ignored.
     names : tuple of str
         Names of the two models in the table.
-
-    Returns
-    -------
-    Comparison
 
     Raises
     ------

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import probability, whole_number
+from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means, whole_orders
 from deatwin.ident.frequency.comparison.compare import (
     Agreement,

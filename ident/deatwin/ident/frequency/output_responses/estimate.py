@@ -10,7 +10,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import polynomial_model, whole_number, whole_order
+from deatwin.ident.arguments import read_only, whole_number
+from deatwin.ident.frequency.checks import polynomial_model, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import input_row, require_one_input, unit_of
 from deatwin.ident.frequency.many import Evaluated
@@ -21,7 +22,6 @@ from deatwin.ident.frequency.output_responses.steady import steady_state
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import cross_order, one_period, output_orders, spectrum_of
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -66,10 +66,6 @@ def nofrf(
         prediction error at left-out levels is at most twice the smallest of these errors.
     operating_input : float, optional
         Constant input about which the model is analysed, in its unit; the centre of the training data by default.
-
-    Returns
-    -------
-    Nofrf
 
     Warns
     -----

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import real_number
+from deatwin.ident.arguments import read_only, real_number
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
 from deatwin.ident.frequency.output_responses.ranges import checked_band, checked_sample_time
-from deatwin.ident.narx.operating import OperatingRange, read_only
+from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
@@ -87,41 +87,18 @@ class TestSignal(Described, Frozen):
         return self.amplitude / float(np.sqrt(np.mean(self.values**2)))
 
     def scaled(self, factor: float) -> TestSignal:
-        """Return the signal at another amplitude.
-
-        Parameters
-        ----------
-        factor : float
-            Multiplier of the values; a negative one inverts the pulse.
-
-        Raises
-        ------
-        ModelError
-            If the factor is not a number that leaves the values finite.
-        """
+        """Return the signal times `factor`; ModelError if a value is then not finite."""
         share = real_number(factor, "the factor")
         if not math.isfinite(share * self.amplitude):
             raise ModelError(f"the factor is {factor}; it must leave the values finite")
         return replace(self, values=share * self.values)
 
     def input_spectrum(self, order: int) -> InputSpectrum:
-        """Return the spectrum of a power of the signal.
-
-        Parameters
-        ----------
-        order : int
-            Power n of the signal, at least 1.
-        """
+        """Return the spectrum of the signal's power `order`, at least 1."""
         return input_spectrum(self.values, order, self.sample_time, unit=self.unit)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot one period, with the pulse in the middle.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot one period, with the pulse in the middle, on `ax` or new axes."""
         axes = axes_or_new(ax)
         half = self.values.size // 2
         timepts = (np.arange(self.values.size) - half) * self.sample_time
@@ -163,10 +140,6 @@ def design_excitation(
         its 20th line.
     unit : str
         Unit of the input.
-
-    Returns
-    -------
-    TestSignal
 
     Raises
     ------

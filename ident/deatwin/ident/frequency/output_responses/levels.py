@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import real_numbers
-from deatwin.ident.narx.operating import read_only
+from deatwin.ident.arguments import read_only, real_numbers
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]

@@ -104,13 +104,7 @@ class InputSpectrum(Described, Frozen):
         return self.largest_amplification <= AMPLIFICATION
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the magnitude over frequency, beside its value if all contributions were in phase.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot on `ax` or new axes the magnitude over frequency, and its value if all contributions were in phase."""
         axes = axes_or_new(ax)
         inside = self.in_range
         frequencies = self.frequency_Hz[inside]

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import real_number, real_numbers, whole_order
-from deatwin.ident.narx.operating import read_only
+from deatwin.ident.arguments import read_only, real_number, real_numbers
+from deatwin.ident.frequency.checks import whole_order
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.checks import real_number
+from deatwin.ident.arguments import real_number
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum
@@ -197,32 +197,11 @@ class Nofrf(Described, Frozen):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the gain of the requested order over frequency, with its truncation error if visible.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot on `ax` or new axes the gain of the requested order, with its truncation error if visible."""
         return self._draw(self.order, axes_or_new(ax))
 
     def plot_orders(self, axes: Sequence[Axes] | None = None) -> tuple[Axes, ...]:
-        """Plot the gains of G_1 up to the requested order, one above the other.
-
-        Parameters
-        ----------
-        axes : sequence of matplotlib Axes, optional
-            One matplotlib Axes for each order; new ones by default.
-
-        Returns
-        -------
-        tuple of matplotlib Axes
-
-        Raises
-        ------
-        ModelError
-            If the number of axes is not that of the orders.
-        """
+        """Plot the gains of G_1 up to the requested order on one of `axes` each, or on new ones."""
         if axes is None:
             from matplotlib import pyplot
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.checks import probability
+from deatwin.ident.arguments import probability
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.narx.posterior import quantile
 

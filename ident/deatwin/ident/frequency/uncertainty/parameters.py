@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.checks import probability
+from deatwin.ident.arguments import probability
 from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.narx.covariance import covariance_root

@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, Polar, interval_radius, polar
 from deatwin.ident.frequency.uncertainty.parameters import (
@@ -26,7 +27,6 @@ from deatwin.ident.frequency.uncertainty.parameters import (
     response_of,
 )
 from deatwin.ident.frequency.uncertainty.regions import Uncertain
-from deatwin.ident.narx.operating import read_only
 from deatwin.plant.datasets import Metadata, attribute, variable
 
 Array = NDArray[np.float64]

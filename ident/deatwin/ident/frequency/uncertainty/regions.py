@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import whole_number
+from deatwin.ident.arguments import whole_number
 from deatwin.ident.frequency.drawing import drawn_points
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.response import Band, FrequencyResponse

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.checks import probability, whole_number
+from deatwin.ident.arguments import probability, read_only, whole_number
 from deatwin.ident.frequency.response import Band
 from deatwin.ident.frequency.uncertainty.parameters import (
     JOINT,
@@ -25,7 +25,6 @@ from deatwin.ident.frequency.uncertainty.parameters import (
     response_of,
 )
 from deatwin.ident.frequency.uncertainty.regions import Uncertain, plot_draws
-from deatwin.ident.narx.operating import read_only
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.datasets import Metadata, attribute, variable
 from deatwin.plant.errors import ModelError
@@ -171,10 +170,6 @@ def sample(
         Number of draws, at least 2.
     level : float
         Default probability of regions and bands.
-
-    Returns
-    -------
-    Sampled
 
     Raises
     ------

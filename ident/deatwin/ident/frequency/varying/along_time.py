@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import real_numbers, whole_order
+from deatwin.ident.arguments import read_only, real_numbers
+from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.gfrf import HIGHEST_ORDER, checked_frequencies, gfrf, require_one_input
 from deatwin.ident.frequency.hierarchy import Jet, Parts
 from deatwin.ident.frequency.linear import operating_input_of
@@ -25,7 +26,6 @@ from deatwin.ident.frequency.varying.moving_parts import Reading, correction
 from deatwin.ident.frequency.varying.response import VaryingResponse
 from deatwin.ident.narx.identifier import Progress
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.trajectory import ThetaTrajectory, require_trajectory
 from deatwin.plant.errors import ModelError
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.checks import real_number
+from deatwin.ident.arguments import real_number
 from deatwin.ident.frequency.dc import Equilibrium, equilibrium
 from deatwin.ident.frequency.gfrf import require_one_input
 from deatwin.ident.frequency.linear import levels, motion, operating_input_of

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.linear import levels, motion
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.ident.frequency.varying.plots import colours, edges, first_tone
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import read_only
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
@@ -215,18 +215,7 @@ class VaryingResponse(Described, Frozen):
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=law == 1.0)
 
     def at(self, time: float) -> FrequencyResponse:
-        """Return the response at the nearest of ``timepts``.
-
-        Parameters
-        ----------
-        time : float
-            Time on the experiment's clock, s.
-
-        Raises
-        ------
-        ModelError
-            If the time is before the first or after the last one, or there is no response.
-        """
+        """Return the response nearest to `time`, s; ModelError if `time` is outside or there is none."""
         slack = 1e-9 * max(1.0, float(np.abs(self.timepts).max()))
         if not self.timepts[0] - slack <= time <= self.timepts[-1] + slack:
             raise ModelError(
@@ -258,13 +247,7 @@ class VaryingResponse(Described, Frozen):
         return _plot_map(self, ax)
 
     def plot_equilibria(self, ax: Axes | None = None) -> Axes:
-        """Plot the equilibrium over time with the 95 % band due to the parameters.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the equilibrium over time with the 95 % band due to the parameters, on `ax` or new axes."""
         return _plot_equilibria(self, ax)
 
     def _stacked(self, get: Callable[[FrequencyResponse], NDArray[Any]]) -> NDArray[Any]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.checks import probability, real_number
+from deatwin.ident.arguments import probability, real_number
 from deatwin.plant.datasets import Described, attribute, coordinate, variable
 from deatwin.plant.drawing import panels_or_new
 from deatwin.plant.errors import DataError
@@ -111,22 +111,7 @@ class SlidingStatistics(Described):
         return f"{self.output_unit}/{self.input_unit}" if self.output_unit and self.input_unit else ""
 
     def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
-        """Plot mean and gain over time with their bands.
-
-        Parameters
-        ----------
-        axes : sequence of matplotlib Axes, length 2, optional
-            Two axes to draw on; a new figure by default.
-
-        Returns
-        -------
-        list of matplotlib Axes, length 2
-
-        Raises
-        ------
-        ModelError
-            If there are fewer than two axes.
-        """
+        """Draw mean and gain over time with their bands on two `axes` or new ones; ModelError if there are fewer."""
         panels = panels_or_new(axes, 2, height=2.2, sharex=True)
         drawn = (
             (f"mean {self.output_name}", self.output_unit, self.mean, self.mean_low, self.mean_high, self.p_mean),
@@ -169,10 +154,6 @@ def sliding_mean_and_gain(
         Distance between successive windows, s; a quarter of the window by default.
     level : float
         Probability of the bands, between 0 and 1.
-
-    Returns
-    -------
-    SlidingStatistics
 
     Raises
     ------

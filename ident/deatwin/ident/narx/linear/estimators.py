@@ -41,29 +41,7 @@ class LinearIdentifier(Identifier):
     status_: FitStatus
 
     def fit(self, recordings: Recordings, y: None = None, *, progress: Progress | None = None) -> Self:
-        """Estimate the polynomials.
-
-        Ctrl-C ends the search: the best model so far is kept, and ``status_`` says so.
-
-        Parameters
-        ----------
-        recordings : Recording, Experiment, or several
-            Training data with one output and a common sample time; each recording has its own initial state.
-        y : None
-            Part of scikit-learn's contract; the outputs are those of the recordings.
-        progress : callable, optional
-            Called with the share done, between 0 and 1, and a description of the current step.
-
-        Returns
-        -------
-        LinearIdentifier
-            The estimator itself.
-
-        Raises
-        ------
-        ModelError
-            If an argument makes no sense, or the recordings do not suit the estimator.
-        """
+        """Estimate the polynomials; `recordings` (of one output), `y` and `progress` as in `NarxIdentifier.fit`."""
         from threadpoolctl import threadpool_limits
 
         require_no_target(y)

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.linear.document import SCHEMA, fields_of
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 from deatwin.ident.narx.linear.run import free_run, measured_limit, some_steps
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.ident.narx.values import set_signals
@@ -310,13 +310,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         return _transfer([pair], self.sample_time, ("e",), self.output_names)
 
     def to_narx(self) -> NarxModel:
-        """Return an ARX or ARMAX model as a NARX or NARMAX model of degree 1.
-
-        Raises
-        ------
-        ModelError
-            If D or an F is not 1: such a model is not linear in lagged signals.
-        """
+        """Return an ARX or ARMAX model as a NARX or NARMAX model of degree 1; ModelError unless D and all F are 1."""
         if self.d.size > 1 or any(f.size > 1 for f in self.f):
             raise ModelError("only ARX and ARMAX models are NARX models: D and F must be 1")
         channels = range(1, len(self.b) + 1) if len(self.b) > 1 else (0,)

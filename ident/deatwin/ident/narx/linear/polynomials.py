@@ -88,13 +88,7 @@ class Orders:
 
     @classmethod
     def of(cls, polynomials: Polynomials) -> Orders:
-        """Return the orders of polynomials; leading zeros of b are delay.
-
-        Parameters
-        ----------
-        polynomials : Polynomials
-            Polynomials in which each b has at least one nonzero coefficient.
-        """
+        """Return the orders of `polynomials`, none of whose b is zero; leading zeros of b are delay."""
         delays = tuple(int(np.flatnonzero(b)[0]) for b in polynomials.b)
         return cls(
             na=polynomials.a.size - 1,
@@ -127,13 +121,7 @@ class Orders:
         return sum(self.sizes)
 
     def split(self, theta: Array) -> Polynomials:
-        """Return the polynomials that a parameter vector describes.
-
-        Parameters
-        ----------
-        theta : ndarray, shape (n_theta,)
-            Parameter vector.
-        """
+        """Return the polynomials that a parameter vector `theta` (n_theta,) describes."""
         a, *rest = np.split(theta, np.cumsum(self.sizes)[:-1])
         m = len(self.nb)
         c, d, offset = rest[2 * m :]
@@ -147,13 +135,7 @@ class Orders:
         )
 
     def join(self, polynomials: Polynomials) -> Array:
-        """Return the parameter vector of polynomials, shape (n_theta,).
-
-        Parameters
-        ----------
-        polynomials : Polynomials
-            Polynomials of these orders.
-        """
+        """Return the parameter vector (n_theta,) of `polynomials` of these orders."""
         p = polynomials
         b = [b[nk:] for b, nk in zip(p.b, self.nk, strict=True)]
         tail = [p.offset] if self.offset else []

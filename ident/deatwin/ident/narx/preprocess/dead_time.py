@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.long_arx import LongArx, Signals, answer_chance, enough_lags, n_residuals
-from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.drawing import axes_or_new
@@ -131,15 +131,6 @@ class DeadTime:
         low, high = (int(np.searchsorted(below, share * below[-1])) for share in (tail, 1.0 - tail))
         return min(low, best), max(high, best)
 
-    @property
-    def interval_seconds(self) -> tuple[float, float] | None:
-        """Shortest and longest dead time of `interval` in s."""
-        return (
-            None
-            if self.interval is None
-            else (self.interval[0] * self.sample_time, self.interval[1] * self.sample_time)
-        )
-
     def __str__(self) -> str:
         if self.interval is not None and self.samples is None:
             low, high = self.interval
@@ -157,17 +148,7 @@ class DeadTime:
         return found if self.status is DeadTimeStatus.FOUND else f"{found}; {self.status.value}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the impulse response of the whitened output over the lag, with the dead time and its interval.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw on `ax` or new axes the impulse response of the whitened output, with the dead time and its interval."""
         axes = axes_or_new(ax)
         lags = np.arange(self.impulse.size)
         axes.errorbar(lags, self.impulse, 1.96 * self.impulse_std, fmt=".", elinewidth=0.8, label="answer, 95 %")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.operating import read_only
+from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
 from deatwin.plant.drawing import axes_or_new
@@ -101,17 +101,7 @@ class SamplingChoice(Described):
         return min((m for m in (self.linear_minimum, self.nonlinear_minimum) if m is not None), default=None)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw both correlation functions with their first minima.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw both correlation functions with their first minima, on `ax` or new axes."""
         axes = axes_or_new(ax)
         lags = self.sample_time * np.arange(self.linear.size)
         for values, band, minimum, label in (
@@ -144,10 +134,6 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
         Recordings with one output and a common sample time.
     n_lags : int, optional
         Largest lag in samples; defaults to a quarter of the longest recording.
-
-    Returns
-    -------
-    SamplingChoice
 
     Raises
     ------

@@ -117,13 +117,7 @@ class OrderChoice(Described):
 
     @property
     def best(self) -> OrderTrial:
-        """Trial with the smallest error.
-
-        Raises
-        ------
-        ModelError
-            If no trial has an error.
-        """
+        """Trial with the smallest error; ModelError if no trial has an error."""
         if not self.done:
             raise ModelError("no model of the grid ran free over the held-out data: there is nothing to choose")
         return min(self.done, key=lambda trial: trial.mean_square)
@@ -168,18 +162,10 @@ class OrderChoice(Described):
         return "\n".join([*lines, *self.warnings, *self.remarks])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the free-run error over the output lags, one line for each degree; a cross at the top marks divergence.
+        """Draw the free-run error over the output lags on `ax` or new axes, with a line for each degree.
 
-        If several input lags were tried with the same output lags, the line shows the best of them.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
+        A cross at the top marks divergence. If several input lags were tried with the same output lags, the line shows
+        the best of them.
         """
         axes = axes_or_new(ax)
         top = 2.0 * max((trial.error for trial in self.done), default=1.0)
@@ -248,10 +234,6 @@ def choose_orders(
         Number of processes; 1 runs in this process, -1 uses all cores.
     progress : callable, optional
         Called with the share done, between 0 and 1, and a description of the current step.
-
-    Returns
-    -------
-    OrderChoice
 
     Raises
     ------

@@ -189,17 +189,7 @@ class Sections(Described):
         return "\n".join([*lines, self.status.value])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the first output of the recordings with the two sections marked.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw the first output of the recordings with the two sections marked, on `ax` or new axes."""
         axes = axes_or_new(ax)
         for record in self.recordings:
             axes.plot(record.timepts, record.outputs[0], color="0.4", linewidth=0.6)
@@ -260,10 +250,6 @@ def choose_sections(
         Share of stationary stretches that may fail, over all tests together (Bonferroni).
     validation_share : float
         Share of the samples for validation, between 0 and 1.
-
-    Returns
-    -------
-    Sections
 
     Raises
     ------
