@@ -73,12 +73,16 @@ DIAGNOSIS = Diagnosis(
 )
 
 
+def page_of(diagnosis: Diagnosis, folder: Path) -> str:
+    """The page of a diagnosis, with plain spaces."""
+    made = ResultFolder(folder / "new")
+    write_report(made, diagnosis, Origin(inputs=[], seed=3))
+    return (made.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
+
+
 def test_what_is_left_unexplained_is_shown_with_its_place(tmp_path: Path) -> None:
     left = Unexplained(rms=1.23, mismatch=9.61, share=0.0164, fitted=1.1, unseen=1.4, place="ball")
-    folder = ResultFolder(tmp_path / "new")
-    whole = replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left)
-    write_report(folder, whole, Origin(inputs=[], seed=3))
-    page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
+    page = page_of(replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left), tmp_path)
     assert "Of a mismatch of 9.61 µm rms, these effects leave 1.23 µm rms unexplained (1.6 % of its power)." in page
     assert "The signals at the ball predict the unexplained mismatch best." in page
 
@@ -244,9 +248,7 @@ def with_everything() -> Diagnosis:
 
 
 def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
-    folder = ResultFolder(tmp_path / "new")
-    write_report(folder, with_everything(), Origin(inputs=[], seed=3))
-    page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
+    page = page_of(with_everything(), tmp_path)
     outline = Page(page)
     assert outline.headings == [
         "What the model lacks",
@@ -303,15 +305,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
 
 
 def test_greys_of_the_figures_follow_the_page(tmp_path: Path) -> None:
-    folder = ResultFolder(tmp_path / "new")
-    write_report(folder, with_everything(), Origin(inputs=[], seed=3))
-    drawn = "".join(
-        re.findall(
-            r"<svg.*?</svg>",
-            (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " "),
-            re.DOTALL,
-        )
-    )
+    drawn = "".join(re.findall(r"<svg.*?</svg>", page_of(with_everything(), tmp_path), re.DOTALL))
     assert "color-mix(in srgb, var(--ink) 50%, var(--page))" in drawn  # 0.5, half way between ink and page
     assert re.search(r"#([0-9a-f]{2})\1\1\b", drawn) is None
 
@@ -398,10 +392,7 @@ def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Ve
     )
     assert said in how_sure(diagnosis) + "."
     assert how_sure(replace(diagnosis, readings=None))
-    folder = ResultFolder(tmp_path / "new")
-    write_report(folder, replace(diagnosis, readings=None), Origin(inputs=[], seed=3))
-    assert folder.written == ["report.html"]
-    page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
+    page = page_of(replace(diagnosis, readings=None), tmp_path)
     assert "<h1>Something is &lt;missing&gt;.</h1>" in page and verdict.value.replace("_", " ") in page
     assert "stretch_limit lies at a bound" in page and "6.00" in page
     header = unescape(page[: page.index("</header>")])

@@ -9,7 +9,7 @@ import pytest
 from made_narx import trained_on, trajectory_of
 
 import deatwin.control as control
-from deatwin.control import ControlError, StaticCurve
+from deatwin.control import ControlError
 from deatwin.control.arguments import each, finite, instance, not_negative, number, pair, positive, row, taking, whole
 from deatwin.ident.narx import NarxModel, Residual
 from deatwin.plant import Diaphragm, Plant, Recording
@@ -346,8 +346,3 @@ def test_the_decorated_function_stays_itself():
         area()
     with pytest.raises(ControlError, match="other must be a number; got a list of 1"):
         area(2.0, other=[1.0])
-
-
-def test_a_curve_of_texts():
-    with pytest.raises(ControlError, match="inputs must be real numbers; got text"):
-        StaticCurve(inputs=["a", "b"], outputs=[0.0, 1.0])
