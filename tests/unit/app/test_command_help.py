@@ -148,6 +148,7 @@ def test_seed_and_jobs_reach_the_story(at_work: Path, capsys: pytest.CaptureFixt
         ("deatwin demo --effect ", {effect.name for effect in catalogue()}),
         ("deatwin simulate rig.toml in.csv --effect cre", {"creep"}),
         ("deatwin scenario vhb4910 --size ", set()),
+        ("deatwin scenario --size t", {"tiny"}),
         ("deatwin scenario concealed-physics --size ", {"tiny", "long", "standard", "full"}),
         ("deatwin identify --method s", {"svb", "semp"}),
         ("deatwin sce", {"scenario", "scenarios"}),
