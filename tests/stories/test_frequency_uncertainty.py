@@ -34,26 +34,12 @@ from deatwin.studies.stories import Setting
 SAMPLE_TIME = 0.12
 
 
-def fleet_of(values: list[complex], variance: float = 0.0) -> Consistency:
-    means = {"steady": {f"DEA {n}": (mean(v, variance),) for n, v in enumerate(values, start=1)}}
-    return Consistency(tables={}, means=means, shares={}, responses={})
-
-
-def test_the_spread_is_that_of_the_actuators_without_the_scatter_of_the_estimates() -> None:
-    values = [2.0, 2.2, 2.0 + 0.2j, 2.2 + 0.2j]
-    # Each part has the variance 0.04/3 about its mean; over a gain of 2.
-    assert fleet_of(values).spread("steady") == pytest.approx([np.sqrt(0.08 / 3) / 2])
-    scatter = 0.004  # of each part
-    assert fleet_of(values, scatter).spread("steady") == pytest.approx([np.sqrt(0.08 / 3 - 2 * scatter) / 2])
-    assert fleet_of([2.0, 2.001], 1.0).spread("steady") == [0.0]
-
-
 def test_what_tolerances_predict() -> None:
     # A quantity that is uniform within ±a has the standard deviation a/sqrt(3), and independent ones add in squares.
     shares = shares_of((mean(2.0),), {"thickness": (mean(2.3),), "mass": (mean(2.0 + 0.4j),)})
     assert shares["thickness"] == pytest.approx([0.15 / np.sqrt(3)])
     assert shares["mass"] == pytest.approx([0.2 / np.sqrt(3)])
-    assert replace(fleet_of([1.0]), shares=shares).predicted == pytest.approx([0.25 / np.sqrt(3)])
+    assert Consistency(tables={}, means={}, shares=shares, responses={}).predicted == pytest.approx([0.25 / np.sqrt(3)])
 
 
 def test_the_lines_of_an_order_are_those_with_power(monkeypatch: pytest.MonkeyPatch) -> None:

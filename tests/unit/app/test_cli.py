@@ -115,8 +115,3 @@ def test_identify(on_bench: Path, capsys: pytest.CaptureFixture[str], method: st
     assert found["terms"]
     assert 0 < found["unseen"][0]["one_step"] < 0.1
     assert found["complete"] and found["unseen"][0]["validation"]
-
-
-def test_identify_in_words(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["identify", "pulls.csv", *COLUMNS, "--method", "frols", "--out", "narx.json"]) == 0
-    assert "free run" in capsys.readouterr().out

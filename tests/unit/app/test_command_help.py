@@ -19,8 +19,7 @@ from typer.main import get_command
 from deatwin.app import options
 from deatwin.app import stories as app_stories
 from deatwin.app.cli import app, main
-from deatwin.app.commands.scenario import complete_sizes
-from deatwin.app.options import complete_effects, fold_experiments
+from deatwin.app.options import fold_experiments
 from deatwin.app.stories import stories
 from deatwin.plant.effects import catalogue
 from deatwin.studies.stories import Setting, Story
@@ -141,20 +140,15 @@ def test_seed_and_jobs_reach_the_story(at_work: Path, capsys: pytest.CaptureFixt
     assert json.loads(capsys.readouterr().out) == {"sentence": "it is so", "seed": 0, "jobs": -1}
 
 
-def test_effects_and_sizes_are_completed() -> None:
-    assert complete_effects("") == sorted(effect.name for effect in catalogue())
-    assert complete_effects("electrode_r") == ["electrode_rc"]
-    assert complete_sizes(SimpleNamespace(args=["concealed-physics"]), "") == ["tiny", "long", "standard", "full"]  # type: ignore[arg-type]
-    assert complete_sizes(SimpleNamespace(args=["vhb4910"]), "") == []  # type: ignore[arg-type]
-    assert "tiny" in complete_sizes(SimpleNamespace(args=[]), "t")  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
         ("deatwin scenario ", set(stories())),
         ("deatwin demo --effect electrode_r", {"electrode_rc"}),
+        ("deatwin demo --effect ", {effect.name for effect in catalogue()}),
         ("deatwin simulate rig.toml in.csv --effect cre", {"creep"}),
+        ("deatwin scenario vhb4910 --size ", set()),
+        ("deatwin scenario --size t", {"tiny"}),
         ("deatwin scenario concealed-physics --size ", {"tiny", "long", "standard", "full"}),
         ("deatwin identify --method s", {"svb", "semp"}),
         ("deatwin sce", {"scenario", "scenarios"}),

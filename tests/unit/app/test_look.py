@@ -231,9 +231,8 @@ def wiener(rng: np.random.Generator, n: int = 256, periods: int = 4) -> tuple[np
 
 
 def test_realisations_in_several_files_are_approximated_together(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    at_desk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(0)
     runs = [wiener(rng) for _ in range(2)]
     for name, (u, _, y) in zip("ab", runs, strict=True):
@@ -249,9 +248,8 @@ def test_realisations_in_several_files_are_approximated_together(
 
 
 def test_periodic_files_that_do_not_fit_together_are_described_one_by_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    at_desk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(0)
     for name, step in (("a", 0.01), ("b", 0.02)):
         u, _, y = wiener(rng)

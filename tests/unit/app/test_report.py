@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_verification import VERIFIED
 from pages import Page
 
 from deatwin.ident.mismatch import (
@@ -34,7 +35,6 @@ from deatwin.ident.mismatch.layout import laid_out
 from deatwin.ident.mismatch.located import PlaceSummary, Region, Window
 from deatwin.ident.mismatch.quality.quality import check_quality
 from deatwin.ident.mismatch.result import (
-    Ablation,
     Errors,
     Fault,
     FormSummary,
@@ -45,10 +45,6 @@ from deatwin.ident.mismatch.result import (
     TermSummary,
     UnseenErrors,
 )
-from deatwin.ident.mismatch.verify.constancy import Constancy
-from deatwin.ident.mismatch.verify.placebos import Placebo, PlaceboKind
-from deatwin.ident.mismatch.verify.transfer import Transfer
-from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError
@@ -73,12 +69,16 @@ DIAGNOSIS = Diagnosis(
 )
 
 
+def page_of(diagnosis: Diagnosis, folder: Path) -> str:
+    """The page of a diagnosis, with plain spaces."""
+    made = ResultFolder(folder / "new")
+    write_report(made, diagnosis, Origin(inputs=[], seed=3))
+    return (made.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
+
+
 def test_what_is_left_unexplained_is_shown_with_its_place(tmp_path: Path) -> None:
     left = Unexplained(rms=1.23, mismatch=9.61, share=0.0164, fitted=1.1, unseen=1.4, place="ball")
-    folder = ResultFolder(tmp_path / "new")
-    whole = replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left)
-    write_report(folder, whole, Origin(inputs=[], seed=3))
-    page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
+    page = page_of(replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left), tmp_path)
     assert "Of a mismatch of 9.61 µm rms, these effects leave 1.23 µm rms unexplained (1.6 % of its power)." in page
     assert "The signals at the ball predict the unexplained mismatch best." in page
 
@@ -121,41 +121,6 @@ class Step:
             axes.plot([0, 1], [0, 1], color="0.5", label=self.name)
             axes.set_xlabel(f"drawn by {self.name}")
         return ax
-
-
-VERIFIED = Verification(
-    fitted_before=9e-6,
-    fitted_after=2e-6,
-    unseen_before=10.2e-6,
-    unseen_after=2.13e-6,
-    gain_low=7.4e-6,
-    noise=2e-6,
-    output_unit="m",
-    ablations=(Ablation(effect="creep", fitted=9e-6, unseen=10.2e-6, gain_low=7.4e-6, share=0.968),),
-    shams=(
-        Placebo(effect="creep", kind=PlaceboKind.BACKWARDS, share=0.0312, expected=0.02),
-        Placebo(effect="creep", kind=PlaceboKind.OPPOSITE, share=0.9124, expected=0.0),
-        Placebo(effect="creep", kind=PlaceboKind.RANDOM_PHASES, skipped="it hardly differs"),
-    ),
-    transfers=(
-        Transfer(
-            part="steps.csv", before=11e-6, after=2.2e-6, gain_low=8e-6, gain_high=9e-6, floor=2.3e-6, model_error=1e-6
-        ),
-        Transfer(
-            part="lowest amplitudes",
-            before=2e-6,
-            after=6.78e-6,
-            gain_low=-5e-6,
-            gain_high=-4e-6,
-            floor=2.3e-6,
-            model_error=1e-6,
-        ),
-    ),
-    constancies=(
-        Constancy(effect="creep", change=-1.264, deviation=0.083, own=0.5),
-        Constancy(effect="delay", own=0.04),
-    ),
-)
 
 
 def with_everything() -> Diagnosis:
@@ -244,9 +209,7 @@ def with_everything() -> Diagnosis:
 
 
 def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
-    folder = ResultFolder(tmp_path / "new")
-    write_report(folder, with_everything(), Origin(inputs=[], seed=3))
-    page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
+    page = page_of(with_everything(), tmp_path)
     outline = Page(page)
     assert outline.headings == [
         "What the model lacks",
@@ -303,15 +266,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
 
 
 def test_greys_of_the_figures_follow_the_page(tmp_path: Path) -> None:
-    folder = ResultFolder(tmp_path / "new")
-    write_report(folder, with_everything(), Origin(inputs=[], seed=3))
-    drawn = "".join(
-        re.findall(
-            r"<svg.*?</svg>",
-            (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " "),
-            re.DOTALL,
-        )
-    )
+    drawn = "".join(re.findall(r"<svg.*?</svg>", page_of(with_everything(), tmp_path), re.DOTALL))
     assert "color-mix(in srgb, var(--ink) 50%, var(--page))" in drawn  # 0.5, half way between ink and page
     assert re.search(r"#([0-9a-f]{2})\1\1\b", drawn) is None
 
@@ -398,10 +353,7 @@ def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Ve
     )
     assert said in how_sure(diagnosis) + "."
     assert how_sure(replace(diagnosis, readings=None))
-    folder = ResultFolder(tmp_path / "new")
-    write_report(folder, replace(diagnosis, readings=None), Origin(inputs=[], seed=3))
-    assert folder.written == ["report.html"]
-    page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
+    page = page_of(replace(diagnosis, readings=None), tmp_path)
     assert "<h1>Something is &lt;missing&gt;.</h1>" in page and verdict.value.replace("_", " ") in page
     assert "stretch_limit lies at a bound" in page and "6.00" in page
     header = unescape(page[: page.index("</header>")])

@@ -61,14 +61,6 @@ def test_a_decimated_model_that_is_worse_than_a_linear_one_is_told(fast: Recordi
     assert lost(same, [fast], [fast]) == []
 
 
-def test_nothing_is_said_of_a_sampling_time_that_suits() -> None:
-    tone = np.sin(2 * np.pi * np.arange(2000) / 56)  # its square has the first minimum of its correlation at 14 samples
-    slow = [Recording.from_arrays(tone, tone, 0.01)]
-    assert thinned(slow, None, ReadingTime.END_OF_HOLD, held_out=0.3).notes == []
-    assert "not decimated" in thinned(slow, "auto", ReadingTime.END_OF_HOLD, held_out=0.3).notes[0]
-    assert thinned(slow, "3", ReadingTime.END_OF_HOLD, held_out=0.3).records[0].sample_time == pytest.approx(0.03)
-
-
 @pytest.mark.parametrize("samples", [12, 40])
 def test_a_short_recording_gives_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str], samples: int) -> None:
     u = np.random.default_rng(5).standard_normal(samples)

@@ -5,27 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_controllers import COMMON, inverse_of, made_controllers
 
-from deatwin.control import InverseController, Law, LinearController, ScheduledController, StaticCurve
+from deatwin.control import Law, LinearController, StaticCurve
 from deatwin.control.controllers.base import Controller
 from deatwin.control.errors import ControlError
 from deatwin.control.export.controller import controller_source
 
-H = 0.02
-COMMON: dict[str, Any] = {
-    "sample_time": H,
-    "operating_input": 2.0,
-    "operating_output": 1.0,
-    "command_min": 1.0,
-    "command_max": 4.0,
-    "closed_loop_time": 0.5,
-}
 ROUNDING = 1e-12
 """Of commands of some volts; the inverse of the curve has a slope of up to 4 V a unit, which enlarges it."""
-
-
-def pi_law(proportional: float, integral: float) -> Law:
-    return Law.of_error([[1.0]], [integral * H], [1.0], proportional + integral * H)
 
 
 def linear() -> LinearController:
@@ -41,31 +29,12 @@ def without_states() -> LinearController:
     return LinearController(name="P", law=law, windup=np.empty(0), **COMMON)
 
 
-def inverse(sign: float) -> InverseController:
-    points = np.linspace(0.5, 4.5, 12)
-    curve = StaticCurve(inputs=points, outputs=sign * (0.25 * points**2 + 0.02 * np.sin(3 * points)))
-    rest = float(curve.output(2.0))
-    low, high = sorted(float(curve.output(limit)) for limit in (1.0, 4.0))
-    inner = {**COMMON, "operating_input": rest, "operating_output": rest, "command_min": low, "command_max": high}
-    feedback = LinearController(name="PI", law=pi_law(0.3, 2.0).feedforward(1.0), windup=np.array([0.1]), **inner)
-    return InverseController(
-        name="PI behind the inverse", feedback=feedback, curve=curve, **{**COMMON, "operating_output": rest}
-    )
-
-
-def scheduled() -> ScheduledController:
-    laws = (pi_law(0.9, 3.0), pi_law(0.5, 2.0), pi_law(0.2, 1.0))
-    return ScheduledController(
-        name="scheduled PI", points=np.array([1.5, 2.0, 3.0]), laws=laws, windup=np.array([0.1]), **COMMON
-    )
-
-
 KINDS = {
     "linear": linear,
     "static": without_states,
-    "rising": lambda: inverse(1.0),
-    "falling": lambda: inverse(-1.0),
-    "scheduled": scheduled,
+    "rising": lambda: inverse_of(1.0, points=12, wave=0.02),
+    "falling": lambda: inverse_of(-1.0, points=12, wave=0.02),
+    "scheduled": lambda: made_controllers()["scheduled"],
 }
 
 
@@ -120,7 +89,7 @@ def test_a_reading_that_is_not_finite_leaves_the_command(kind: str, run_c: Any) 
 
 def test_a_curve_with_a_horizontal_tangent_is_inverted_as_well_as_it_can_be(run_c: Any) -> None:
     points = np.linspace(0.0, 4.0, 9)
-    whole = inverse(1.0)
+    whole = inverse_of(1.0)
     curve = StaticCurve(inputs=points, outputs=points**4 / 256.0)
     flat = replace(whole, curve=curve, command_min=-1.0)
     series = whole.operating_output + np.column_stack([np.linspace(-1.0, 2.0, 200), np.zeros(200)])

@@ -95,11 +95,6 @@ def mass(build: Builder) -> Any:
     return place
 
 
-def test_a_mass_on_no_spring_starts_at_its_guess() -> None:
-    readings = plant(mass).simulate(EXPERIMENT).outputs[0][0]
-    np.testing.assert_allclose(readings[2:], TIMES**2 / 2, rtol=0, atol=1e-9)
-
-
 def tank(build: Builder) -> Any:
     level = build.state("level", scale=1.0)
     build.guess(level, 2.0)
@@ -107,9 +102,12 @@ def tank(build: Builder) -> Any:
     return level
 
 
-def test_a_tank_that_a_pump_fills_starts_at_its_guess() -> None:
-    readings = plant(tank).simulate(EXPERIMENT).outputs[0][0]
-    np.testing.assert_allclose(readings[2:], 2.0 + 2 * STEP * 0.5 + 1.5 * TIMES, rtol=0, atol=1e-9)
+@pytest.mark.parametrize(("equations", "expected"), [(mass, TIMES**2 / 2), (tank, 2.0 + 2 * STEP * 0.5 + 1.5 * TIMES)])
+def test_a_mass_on_no_spring_and_a_tank_that_a_pump_fills_start_at_their_guess(
+    equations: Callable[[Builder], Any], expected: np.ndarray
+) -> None:
+    readings = plant(equations).simulate(EXPERIMENT).outputs[0][0]
+    np.testing.assert_allclose(readings[2:], expected, rtol=0, atol=1e-9)
 
 
 def two_tanks(build: Builder, pump: float = 0.0) -> Any:

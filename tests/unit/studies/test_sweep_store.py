@@ -17,11 +17,14 @@ NAMES = [f"case-{number:02d}" for number in range(24)]
 
 
 def test_a_folder_begun_under_another_seal_is_refused_and_told_what_differs(tmp_path: Path) -> None:
-    first = SweepSeal(schema="deatwin/test-case/1", parts={"seed": 1, "code": "a" * 64, "versions": {"numpy": "2.0"}})
+    numbers, versions = {"a.B": 1.0, "a.C": 3.0}, {"numpy": "2.0"}
+    parts = {"seed": 1, "code": "a" * 64, "thresholds": numbers, "versions": versions}
+    first = SweepSeal(schema="deatwin/test-case/1", parts=parts)
     CaseStore(tmp_path, first).put("one", {"x": 1})
-    other = SweepSeal(schema=first.schema, parts={"seed": 2, "code": "b" * 64, "versions": {"numpy": "2.0"}})
-    with pytest.raises(DataError, match=r"another seal \(seed: 1 there, 2 now; code: a{12} there, b{12} now\)"):
-        CaseStore(tmp_path, other)
+    changed = {"seed": 2, "code": "b" * 64, "thresholds": {**numbers, "a.B": 2.0}}
+    words = r"seed: 1 there, 2 now; code: a{12} there, b{12} now; thresholds: {\"a.B\": 1.0} there, {\"a.B\": 2.0} now"
+    with pytest.raises(DataError, match=rf"another seal \({words}\)"):
+        CaseStore(tmp_path, SweepSeal(schema=first.schema, parts={**parts, **changed}))
     assert CaseStore(tmp_path, first).get("one")["x"] == 1
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from deatwin.control import Check, LinearStatus, Verdict
 from deatwin.ident.narx import NarxModel
@@ -64,14 +65,14 @@ def test_a_band_that_is_none_is_refused(checked, exact, rig, fast, written):
         checked(exact(provenance={BAND_KEY: written}), rig, controller=fast)
 
 
+def read_by_the_rig(command: np.ndarray) -> np.ndarray:
+    return lfilter([SLOPE * (1 - POLE)], [1.0, -POLE], command)
+
+
 def test_a_recording_tells_band_and_residual(checked, exact, rig, fast):
     rng = np.random.default_rng(4)
     command = np.repeat(rng.uniform(-1.0, 1.0, 500), 4)
-    output, value = [], 0.0
-    for u in command:
-        value = POLE * value + SLOPE * (1 - POLE) * u
-        output.append(value)
-    sound = Recording.from_arrays(command, np.array(output) + 1e-3 * rng.standard_normal(2000), H)
+    sound = Recording.from_arrays(command, read_by_the_rig(command) + 1e-3 * rng.standard_normal(2000), H)
     found = checked(exact(provenance={}), rig, controller=fast, recording=sound)
     assert found.predicted is not None
     assert found.excited_band_Hz > found.margins.crossover_Hz
@@ -154,11 +155,7 @@ def test_a_crossover_between_two_tones_is_marginal(checked, exact, rig, fast, pa
     crossover = passed.margins.crossover_Hz
     timepts = H * np.arange(2000)
     command = sum(0.4 * np.sin(2 * np.pi * factor * crossover * timepts + factor) for factor in (0.25, 3.0))
-    output, value = [], 0.0
-    for u in command:
-        value = POLE * value + SLOPE * (1 - POLE) * u
-        output.append(value)
-    quiet = np.array(output) + 1e-3 * np.random.default_rng(2).standard_normal(2000)
+    quiet = read_by_the_rig(command) + 1e-3 * np.random.default_rng(2).standard_normal(2000)
     found = checked(exact(), rig, controller=fast, recording=Recording.from_arrays(command, quiet, H))
     assert (found.verdict, found.worst_case.subject) == (Verdict.MARGINAL, "excitation")
     assert "but the input of the recording has no power from" in found.reason

@@ -1,5 +1,7 @@
 """What the film bears, on a plate whose pull-in is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_models import controller_of
@@ -65,17 +67,8 @@ def test_plants_are_counted(gap):
 def test_the_films_of_a_diaphragm_are_judged_by_their_field_and_tension_too(plant):
     rest = 2.4
     used = np.repeat([rest, 2.6, rest], 100)
-    from_film = controller_of(
-        GAINS.law(H),
-        GAINS.windup(H),
-        name="I",
-        operating_input=rest,
-        operating_output=1e-3,
-        command_min=1.1,
-        command_max=3.75,
-        closed_loop_time=0.2,
-    )
+    from_film = replace(controller(3.75), operating_input=rest, operating_output=1e-3, command_min=1.1)
     assert judge_film("plant", [plant], used, from_film).verdict is Verdict.PASS
     for limit in (5.0, 6.0, 12.0):
-        beyond = LinearController(**{**vars(from_film), "command_max": limit})
+        beyond = replace(from_film, command_max=limit)
         assert judge_film("plant", [plant], used, beyond).verdict is Verdict.MARGINAL, limit

@@ -36,11 +36,6 @@ def test_limits_the_wrong_way_round_are_refused(name):
     assert getattr(kept, name).good == poor
 
 
-def test_a_number_is_no_limit():
-    with pytest.raises(ControlError, match="overshoot must be a Limit, with a good and a poor value; got a float"):
-        Specification(overshoot=0.1)
-
-
 def refused(error):
     def design(linear, *, command_limits):
         raise error

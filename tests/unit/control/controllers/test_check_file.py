@@ -6,6 +6,7 @@ from importlib.resources import files
 import jsonschema
 import numpy as np
 import pytest
+from made_controllers import KINDS
 from made_models import linear_model
 from typer.testing import CliRunner
 
@@ -18,14 +19,13 @@ from deatwin.control.design.inverse import with_inverse
 
 SCHEMA = json.loads((files("deatwin.control") / "schemas" / "check.schema.json").read_text(encoding="utf-8"))
 FILTER = InverseFilter(a=np.diag([0.5, 0.8]), b=np.ones(2), c=np.array([0.1, -0.2]), d=1.8, band_Hz=2.0, error=0.1)
-KINDS = ("pi", "general", "inverse", "falling", "scheduled", "inverse with dynamics")
 POINT = OperatingPoint(
     input=2.0, output=1.0, static_gain=1.0, status=LinearStatus.OK, sample_time=0.02, input_unit="V", output_unit="um"
 )
 FINDING = Finding(subject="gain margin", value=3.0, verdict=Verdict.PASS, text="the gain margin is 3")
 
 
-@pytest.fixture(scope="module", params=KINDS)
+@pytest.fixture(scope="module", params=(*KINDS, "inverse with dynamics"))
 def controller(request, made):
     if request.param == "inverse with dynamics":
         return with_dynamics(made.inverse, FILTER)

@@ -5,11 +5,11 @@ import json
 import control
 import numpy as np
 import pytest
+from made_controllers import KINDS
 
 from deatwin.control import ControlError, Law
 from deatwin.control.controllers.document import controller_from_dict, controller_to_dict
 
-KINDS = ("pi", "general", "inverse", "falling", "scheduled")
 H = 0.02
 
 

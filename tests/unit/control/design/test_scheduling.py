@@ -82,24 +82,15 @@ def test_points_may_lie_on_the_limits(models):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "given", "message"),
     [
-        (lambda m: m[:1], "two or more operating points"),
-        (lambda m: [m[0], m[0]], "increasing points"),
-        (lambda m: [m[0], replace(m[1], sample_time=0.05)], "one sample time"),
-        (lambda m: [m[0], replace(m[1], numerator=-m[1].numerator)], "changes its sign between 1.1 and 1.75 V"),
+        (lambda m: m[:1], {}, "two or more operating points"),
+        (lambda m: [m[0], replace(m[1], sample_time=0.05)], {}, "one sample time"),
+        (lambda m: [m[0], replace(m[1], numerator=-m[1].numerator)], {}, "changes its sign between 1.1 and 1.75 V"),
+        (lambda m: m, {"operating_input": 2.0}, r"there are models at 1.1, 1.75"),
+        (lambda m: m, {"design": partial(lqg, closed_loop_time=0.4)}, "schedule PI or PID laws"),
     ],
 )
-def test_points_that_do_not_fit_are_refused(models, change, message):
+def test_points_and_laws_that_do_not_fit_are_refused(models, change, given, message):
     with pytest.raises(ControlError, match=message):
-        scheduled(change(models), PI, command_limits=LIMITS)
-
-
-def test_the_loop_is_closed_at_one_of_the_points(models):
-    with pytest.raises(ControlError, match=r"there are models at 1.1, 1.75"):
-        scheduled(models, PI, command_limits=LIMITS, operating_input=2.0)
-
-
-def test_laws_that_cannot_be_interpolated_are_refused(models):
-    with pytest.raises(ControlError, match="schedule PI or PID laws"):
-        scheduled(models, partial(lqg, closed_loop_time=0.4), command_limits=LIMITS)
+        scheduled(change(models), **{"design": PI, "command_limits": LIMITS, **given})

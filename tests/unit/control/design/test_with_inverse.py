@@ -100,15 +100,14 @@ def test_a_curve_shorter_than_the_limits_sets_them(sampled):
     assert (controller.command_min, controller.command_max) == (1.0, 4.0)
 
 
-def test_an_operating_point_off_the_curve_is_refused(sampled):
-    linear = replace(behind(sampled, 1.0), operating_input=0.5)
-    with pytest.raises(ControlError, match="must lie inside the limits and the static curve"):
-        with_inverse(linear, parabola(1.0), lambda_tuning, command_limits=LIMITS)
-
-
-def test_a_curve_against_the_model_is_refused(sampled):
-    with pytest.raises(ControlError, match="signs must agree"):
-        with_inverse(behind(sampled, 1.0), parabola(-1.0), lambda_tuning, command_limits=LIMITS)
+def test_an_operating_point_off_the_curve_and_a_curve_against_the_model_are_refused(sampled):
+    linear = behind(sampled, 1.0)
+    for model, curve, says in (
+        (replace(linear, operating_input=0.5), parabola(1.0), "must lie inside the limits and the static curve"),
+        (linear, parabola(-1.0), "signs must agree"),
+    ):
+        with pytest.raises(ControlError, match=says):
+            with_inverse(model, curve, lambda_tuning, command_limits=LIMITS)
 
 
 def test_the_curve_of_a_model_goes_through_its_equilibria(model):
@@ -136,17 +135,11 @@ def test_the_curve_of_a_plant_is_the_same_behind_a_lag_of_the_sensor(plant):
     np.testing.assert_allclose(curve.outputs, plain.outputs, rtol=1e-8)
 
 
-def test_a_plant_that_pulls_in_has_no_curve_there(plant):
-    with pytest.raises(ControlError, match=r"no state of rest at|turns at"):
-        static_curve(plant, (1.1, 40.0), count=20)
-
-
-def test_a_model_that_turns_has_no_inverse(model):
-    # The model is a parabola in the command: it turns near 0 V.
-    with pytest.raises(ControlError, match=r"turns at|no static curve"):
-        static_curve(model, (-4.0, 4.0), count=17)
-
-
-def test_nothing_else_has_a_curve():
-    with pytest.raises(ControlError, match="NarxModel or a Plant, not a str"):
-        static_curve("model", LIMITS)
+def test_what_pulls_in_or_turns_has_no_curve_and_nothing_else_has_one(plant, model):
+    for source, limits, count, says in (
+        (plant, (1.1, 40.0), 20, r"no state of rest at|turns at"),
+        (model, (-4.0, 4.0), 17, r"turns at|no static curve"),  # a parabola in the command: it turns near 0 V
+        ("model", LIMITS, 9, "NarxModel or a Plant, not a str"),
+    ):
+        with pytest.raises(ControlError, match=says):
+            static_curve(source, limits, count=count)

@@ -88,9 +88,3 @@ def test_status(terms, cov, status):
     if not status.ok:
         with pytest.raises(ModelError, match=status.value[:20]):
             linear.require()
-
-
-def test_one_input_only():
-    two = NarxModel.from_terms({"u1(k-1)": 1.0, "u2(k-1)": 1.0}, sample_time=H)
-    with pytest.raises(ModelError, match="2 inputs"):
-        linearise(two)

@@ -33,7 +33,8 @@ def test_agreements_are_counted_by_column() -> None:
 
 
 def test_the_spread_of_a_group_leaves_out_the_scatter_of_the_estimates() -> None:
-    # Values 0, 1 and 2 have the variance 1; each estimate scatters by 0.1 in both parts.
-    group = [(mean(value, 0.1),) for value in (0.0, 1.0, 2.0)]
+    # Each part has the variance 0.04/3 about its mean; each estimate scatters by 0.004 in both parts.
+    group = [(mean(value, 0.004),) for value in (2.0, 2.2, 2.0 + 0.2j, 2.2 + 0.2j)]
     gain = np.sqrt(np.mean([each.gain**2 for (each,) in group]))
-    np.testing.assert_allclose(spread_of_means(group), np.sqrt(1.0 - 0.2) / gain)
+    np.testing.assert_allclose(spread_of_means(group), np.sqrt(0.08 / 3 - 2 * 0.004) / gain)
+    assert spread_of_means([(mean(value, 1.0),) for value in (2.0, 2.001)]) == [0.0]

@@ -230,15 +230,10 @@ def test_frequency_grid_runs_fastest_along_the_last():
             frequency_grid(*axes)
 
 
-@pytest.mark.parametrize("order", [0, -1, 9, 2.5, 1.0, True, "2", None])
-def test_an_order_that_is_none_is_said(order):
-    with pytest.raises(ModelError, match="must be an integer from 1 to 8"):
-        gfrf(nonlinear(), order, OMEGA)
-
-
 @pytest.mark.parametrize(
     ("order", "omega", "said"),
     [
+        *((order, OMEGA, "must be an integer from 1 to 8") for order in (0, -1, 9, 2.5, 1.0, True, "2", None)),
         (1, np.nan, "nan rad/s; frequencies go up to half the sampling rate"),
         (1, 1000.0, "1000 rad/s; frequencies go up to half the sampling rate"),
         (1, [1.0, np.inf], "half the sampling rate"),
@@ -253,7 +248,7 @@ def test_an_order_that_is_none_is_said(order):
         (3, np.ones((4, 2)), r"order 3 needs \(n, 3\)"),
     ],
 )
-def test_frequencies_that_are_none_are_said(order, omega, said):
+def test_orders_and_frequencies_that_are_none_are_said(order, omega, said):
     with pytest.raises(ModelError, match=said):
         gfrf(nonlinear(), order, omega)
 

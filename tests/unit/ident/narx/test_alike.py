@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Fixed, Frols, assess_reliance, robust
+from deatwin.ident.narx import Fixed, Frols, NarxModel, assess_reliance, robust
 from deatwin.ident.narx.linear import Arx
 from deatwin.ident.narx.preprocess import estimate_dead_time
 from deatwin.ident.nss import Pnlss
@@ -64,34 +64,31 @@ def test_signals_in_another_order_are_refused(other, said) -> None:
 
 
 @pytest.mark.parametrize(
-    "use",
+    ("use", "says"),
     [
-        lambda model, other: Fixed(terms=model).fit(other),
-        lambda model, other: robust(model, other),
-        lambda model, other: assess_reliance(model, [other]),
+        (lambda first, other: Fixed(terms=fitted(first)).fit(other), "; give them in the model's order"),
+        (lambda first, other: robust(fitted(first), other), "; give them in the model's order"),
+        (lambda first, other: assess_reliance(fitted(first), [other]), "; give them in the model's order"),
+        (lambda first, other: Arx().fit([first, other]), ""),
     ],
-    ids=["fixed", "robust", "reliance"],
+    ids=["fixed", "robust", "reliance", "arx"],
 )
-def test_what_fits_the_terms_of_a_model_takes_its_order_too(use) -> None:
+def test_what_fits_the_terms_of_a_model_or_a_linear_one_takes_inputs_in_one_order(use, says) -> None:
     first, other = (
         Recording.from_arrays(SIGNALS[:2], SIGNALS[2], 0.1, input_names=names) for names in (("a", "b"), ("b", "a"))
     )
-    with pytest.raises(ModelError, match="inputs are b, a, in another order than a, b; give them in the model's order"):
-        use(Fixed(terms=["y(k-1)", "a(k-1)", "b(k-2)"]).fit(first).model_, other)
+    with pytest.raises(ModelError, match=f"inputs are b, a, in another order than a, b{says}"):
+        use(first, other)
+
+
+def fitted(recording: Recording) -> NarxModel:
+    return Fixed(terms=["y(k-1)", "a(k-1)", "b(k-2)"]).fit(recording).model_
 
 
 def test_reliance_on_a_recording_of_another_clock_is_refused() -> None:
     model = Fixed(terms=["y(k-1)", "u(k-1)"]).fit(record("m")).model_
     with pytest.raises(ModelError, match=r"sample time of 0\.2 s, the model of 0\.1 s"):
         assess_reliance(model, [record("m", 0.2)])
-
-
-def test_inputs_of_a_linear_model_in_another_order_are_refused() -> None:
-    first, other = (
-        Recording.from_arrays(SIGNALS[:2], SIGNALS[2], 0.1, input_names=names) for names in (("a", "b"), ("b", "a"))
-    )
-    with pytest.raises(ModelError, match="inputs are b, a, in another order than a, b"):
-        Arx().fit([first, other])
 
 
 def test_other_names_are_taken_by_position() -> None:

@@ -3,7 +3,6 @@
 import logging
 import math
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -126,27 +125,22 @@ def test_a_noise_model_that_is_not_invertible_stays_finite(way):
     assert np.isfinite(found).all() and abs(found[0, -1]) > 1e300
 
 
-def scene(n=777, seed=5):
+def test_simulation_errors_of_many_models_are_those_of_their_free_runs(way):
     """Candidates of a bilinear system, its record, and models of two terms each."""
-    rng = np.random.default_rng(seed)
+    n, rng = 777, np.random.default_rng(5)
     u, start = rng.uniform(-1, 1, (1, n)), rng.uniform(-1, 1, (1, n))
     y = loop(n, 2, start, lambda k, y: 0.5 * y[:, k - 1] + 0.6 * y[:, k - 2] * u[:, k - 1] + 0.3 * rng.normal())
-    terms = table("y(k-1)", "y(k-2)u(k-1)", "u(k-1)^2", "1", "y(k-2)^3").terms
-    chosen = np.array([[0, 1], [1, 2], [3, 0], [2, 3], [4, 4]])
-    theta = np.array([[0.5, 0.6], [0.7, -0.2], [0.1, 0.9], [1.0, -1.0], [900.0, 0.0]])
-    return SimpleNamespace(u=u, y=y, terms=terms, chosen=chosen, theta=theta, n=n)
-
-
-def test_simulation_errors_of_many_models_are_those_of_their_free_runs(way):
-    s = scene()
-    march = March.of(s.terms, {"u": s.u}, "y", s.y, first=2)
-    errors = march.squared_errors(s.chosen, s.theta, limit=1e3, sections=4)
-    stops = 2 + np.arange(5) * (s.n - 2) // 4
-    for found, chosen, theta in zip(errors[:4], s.chosen, s.theta, strict=False):
+    candidates = table("y(k-1)", "y(k-2)u(k-1)", "u(k-1)^2", "1", "y(k-2)^3").terms
+    models = np.array([[0, 1], [1, 2], [3, 0], [2, 3], [4, 4]])
+    thetas = np.array([[0.5, 0.6], [0.7, -0.2], [0.1, 0.9], [1.0, -1.0], [900.0, 0.0]])
+    march = March.of(candidates, {"u": u}, "y", y, first=2)
+    errors = march.squared_errors(models, thetas, limit=1e3, sections=4)
+    stops = 2 + np.arange(5) * (n - 2) // 4
+    for found, chosen, theta in zip(errors[:4], models, thetas, strict=False):
         # With an idle term of the largest lag, for all models start where the candidates' largest lag ends.
-        terms = TermTable((*(s.terms[i] for i in chosen), Term.parse("y(k-2)^2")))
-        run, _ = free_run(terms, np.append(theta, 0.0), s.u, s.y, 1e3)
-        squares = (s.y - run)[0] ** 2
+        terms = TermTable((*(candidates[i] for i in chosen), Term.parse("y(k-2)^2")))
+        run, _ = free_run(terms, np.append(theta, 0.0), u, y, 1e3)
+        squares = (y - run)[0] ** 2
         np.testing.assert_allclose(found, [squares[a:b].sum() for a, b in pairwise(stops)], rtol=1e-12)
     assert np.isinf(errors[4]).all()  # 900 y^3 blows up
 
@@ -161,23 +155,6 @@ def test_one_output_can_be_marched_alone(way):
     for k in range(2, n):
         expected[0, k] = 0.5 * y[0, k - 1] * expected[0, k - 1] + 0.3 * expected[0, k - 2] + 0.2 * u[0, k - 1]
     np.testing.assert_allclose(run, expected, rtol=0, atol=1e-13)
-
-
-@pytest.mark.usefixtures("c_compiler")
-def test_compiled_and_plain_agree(monkeypatch):
-    s = scene(n=5000)
-    march = March.of(s.terms, {"u": s.u}, "y", s.y, first=2)
-    theta = np.array([0.4, 0.3, 0.2, 0.1, 0.05])
-
-    def results():
-        return (*march.run(theta, limit=1e3), march.squared_errors(s.chosen, s.theta, limit=1e3, sections=7))
-
-    fast = results()
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
-    slow = results()
-    np.testing.assert_allclose(fast[0], slow[0], rtol=0, atol=1e-12)
-    assert fast[1] is None and slow[1] is None
-    np.testing.assert_allclose(fast[2], slow[2], rtol=1e-12)
 
 
 @pytest.mark.usefixtures("c_compiler")

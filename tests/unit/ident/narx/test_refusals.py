@@ -100,14 +100,11 @@ DATA = [
 ]
 
 
-@pytest.mark.parametrize(("identifier", "says"), ARGUMENTS, ids=lambda part: repr(part)[:30])
-def test_arguments_that_make_no_sense(identifier, says):
-    with pytest.raises(ModelError, match=says):
-        identifier.fit(RECORD)
+CASES = [(identifier, RECORD, says) for identifier, says in ARGUMENTS] + DATA
 
 
-@pytest.mark.parametrize(("identifier", "data", "says"), DATA, ids=lambda part: repr(part)[:30])
-def test_data_that_nothing_can_be_learned_from(identifier, data, says):
+@pytest.mark.parametrize(("identifier", "data", "says"), CASES, ids=lambda part: repr(part)[:30])
+def test_arguments_that_make_no_sense_and_data_that_nothing_can_be_learned_from(identifier, data, says):
     with pytest.raises(ModelError, match=says):
         identifier.fit(data)
 
