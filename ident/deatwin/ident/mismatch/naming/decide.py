@@ -258,10 +258,11 @@ def with_distances(
     possible: Callable[[Candidate], bool],
     distance: Callable[..., float] = separation,
     known: Distances | None = None,
+    refuted: Callable[[Candidate, Candidate], bool] = lambda other, best: False,
 ) -> Naming:
     """Add, as alternatives, `possible` explanations that these inputs cannot distinguish from the best one.
 
-    New distances d² are added to `known`, because decisions come back to the same fits.
+    An alternative that is `refuted` by the best one is not added. New distances d² are added to `known`, because decisions come back to the same fits.
     """
     # Explanations that are worse by more than the model error are not added, nor are those with a far smaller prior
     # probability: the gain of an amplifier hardly drifts by a tenth.
@@ -270,7 +271,7 @@ def with_distances(
         return naming
     known = {} if known is None else known
     others = [c for c in stage if c.effects != best.effects and possible(c)]
-    alike = [_apart(c, best) <= _model_error(best) for c in others]
+    alike = [_apart(c, best) <= _model_error(best) and not refuted(c, best) for c in others]
     # For explanations that are clearly distinguished the order of magnitude is enough.
     tasks = [
         (best.calibration, c.calibration, problem.everything, naming.noise, STEPS if close else 0)

@@ -11,9 +11,10 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.model_error import model_error_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.criteria import TRIFLE, acts, explained, gained, held_back_by, takes_most
-from deatwin.ident.mismatch.naming.decide import Distances, Naming, decide, with_distances
+from deatwin.ident.mismatch.naming.decide import STRONG, Distances, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.refit_all_data import settled_on_everything
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, completed, refitted, run_trials, with_fitted, with_little
+from deatwin.ident.mismatch.naming.weigh import Scale
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.model import Plant
 
@@ -195,7 +196,15 @@ class Tried:
 
     def with_distances(self, naming: Naming, competing: Sequence[Candidate]) -> Naming:
         """Add to a decision the `competing` candidates that these inputs cannot distinguish from its best."""
-        return with_distances(naming, competing, self.problem, self.is_possible, known=self._distances)
+        scale = Scale(problem=self.problem, base=self.tried[()], noise=self.noise)
+        return with_distances(
+            naming,
+            competing,
+            self.problem,
+            self.is_possible,
+            known=self._distances,
+            refuted=lambda other, best: scale.over(best, other) > STRONG,
+        )
 
     def is_clearly_worse_than(self, alternative: Candidate) -> bool:
         """Return whether the `alternative` variant of the plant leaves clearly less without effects than this one."""

@@ -83,8 +83,15 @@ class Scale:
         either = np.logaddexp(self.weight(alone), inexact) - np.log(2.0)
         return self.weight(pair) - float(either) + self._pair_odds + pair.log_share - alone.log_share
 
+    def over(self, best: Candidate, other: Candidate) -> float:
+        """Return the log odds of one explanation over another one, whose law is exact or inexact with equal
+        probability.
+        """
+        either = np.logaddexp(self.weight(other), self._inexact_weight(other, best)) - np.log(2.0)
+        return self.weight(best) - float(either) + best.log_share - other.log_share
+
     def _inexact_weight(self, alone: Candidate, pair: Candidate) -> float:
-        """Return the log evidence of a single effect whose law errs along the second effect of a pair."""
+        """Return the log evidence of an explanation whose law errs along its difference from another one."""
         fits = (alone.calibration, pair.calibration)
         key = (id(fits[0]), id(fits[1]))  # the fits are kept beside the value, so their ids stay valid
         if key not in self._inexact:
@@ -190,7 +197,7 @@ class Scale:
         """Return the rms law error of one effect, SI: the part another law could cause, and the rest."""
         # Without the effect the plant may have no equilibrium; no contribution exceeds the whole motion.
         does = min(_rms(alone.contribution), float(np.std(self.error.readings)))
-        own, other = (LOOSE, LOOSE) if alone.effects[0] in LOOPS else (OWN, OTHER)
+        own, other = (LOOSE, LOOSE) if LOOPS.intersection(alone.effects) else (OWN, OTHER)
         return own * does, other * does
 
     def log_prior_of_rig(self, candidate: Candidate) -> float:
