@@ -49,9 +49,14 @@ def matrix() -> str:
     rows = []
     for effect in several:
         names = {effect.signal: effect.name, **{at: f"{effect.name}_at_{at}" for at in effect.places}}
-        cells = (cell(names[place], data) if place in names else "" for place in columns)
-        rows.append(f"<tr><td>{link(effect)}</td>{''.join(f'<td>{one}</td>' for one in cells)}</tr>")
-    return f'<table class="signatures"><thead><tr>{heads}</tr></thead><tbody>{"".join(rows)}</tbody></table>'
+        cells = "".join(
+            f'<td data-label="{place.replace("_", " ")}">{cell(names[place], data)}</td>'
+            if place in names
+            else "<td></td>"
+            for place in columns
+        )
+        rows.append(f"<tr><td>{link(effect)}</td>{cells}</tr>")
+    return f'<table class="signatures places"><thead><tr>{heads}</tr></thead><tbody>{"".join(rows)}</tbody></table>'
 
 
 def cell(name: str, data: dict[str, list[list[float]]]) -> str:

@@ -115,11 +115,14 @@ class Step:
 
     name: str
     opened: tuple[str, ...] = ("force",)  # As the step of the places has them
+    bins: tuple[Any, ...] = (SimpleNamespace(signal="displacement_rate"),)  # As the step of the regions has them
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Any = None, units: Any = None) -> Any:
         for axes in ax if isinstance(ax, list) else [ax]:
             axes.plot([0, 1], [0, 1], color="0.5", label=self.name)
             axes.set_xlabel(f"drawn by {self.name}")
+            if units is not None:
+                axes.set_ylabel(f"units: {units}")
         return ax
 
 
@@ -227,6 +230,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
     assert re.search(r"<text[^>]*>90 %</text>", page)  # the share of the mismatch, beside its colour
     for name in ("detection", "region", "place", "discovery", "advice"):
         assert f"drawn by {name}" in page
+    assert "units: {'displacement_rate': 'µm/s'}" in page.replace("&#39;", "'").replace("&apos;", "'")
     assert len(page) < 5e6
     shown = (
         "is taken from the readings while the command rests",

@@ -173,9 +173,11 @@ class Look:
             chosen[1].set(xlabel="time (s)", ylabel=axis_label(record.output_names[0], unit))
         self._mark(chosen[1])
         link = self.links[0]
-        chosen[2].plot(link.frequencies, link.coherence, color="C0", linewidth=1.0, label="with the input")
-        chosen[2].plot(link.frequencies, link.coherence_squared, color="C1", linewidth=1.0, label="with its square")
-        chosen[2].axhline(LINE_CHANCE, color="0.5", linestyle=":", linewidth=1.0, label="chance")
+        chosen[2].plot(link.frequencies, link.coherence, color="C0", linewidth=1.0, label="output with the input")
+        chosen[2].plot(
+            link.frequencies, link.coherence_squared, color="C1", linewidth=1.0, label="output with the squared input"
+        )
+        chosen[2].axhline(LINE_CHANCE, color="0.5", linestyle=":", linewidth=1.0, label="chance, at one frequency")
         if (excited := self.excitations[0]) is not None:
             for low, high in excited.bands:
                 chosen[2].axvspan(low, high, color="0.5", alpha=0.15, linewidth=0.0)

@@ -33,6 +33,8 @@ LEAST_RISK = 1e-3
 """Smallest probability of a wrong explanation that is stated; instead of a smaller one this bound is stated."""
 HALF = 0.5
 """Share of the remaining mismatch above which most of it is said to be in one stretch of time."""
+ROUNDING = 1e-9
+"""Share of the larger end of a range below which the smaller end is a rounding error."""
 COUNTED = {2: "two effects", 3: "three effects"}
 MOST_CHANGED = 2
 """Largest number of changed parameters that are named."""
@@ -230,11 +232,18 @@ def unit_of(signal: str, diagnosis: Diagnosis) -> str:
     return known if known and known != "1" else ""
 
 
+def ends(region: Region) -> tuple[float, float]:
+    """Return the ends of a region, 0 in place of an end that is only a rounding error beside the other."""
+    least = ROUNDING * max(abs(region.low), abs(region.high))
+    low, high = (end if abs(end) > least else 0.0 for end in (region.low, region.high))
+    return low, high
+
+
 def _in(region: Region, diagnosis: Diagnosis) -> str:
     """Return a range of an operating signal, in the words of a condition."""
     if region.signal == BRANCH:
         return f"while the reading {'rises' if region.high > 0 else 'falls'}"
-    span = f"{number(region.low)} to {number(region.high)}"
+    span = " to ".join(number(end) for end in ends(region))
     return (
         f"from {span} s after the command last rested"
         if region.signal == SINCE_REST

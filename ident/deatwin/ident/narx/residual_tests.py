@@ -43,6 +43,7 @@ TESTS: Mapping[str, str] = MappingProxyType(
 _ROUNDING = 1e-20  # relative power below which the centred square of an input is zero, as for two levels
 _SYMMETRIC = 1e-2  # skewness below which no p-value changes
 _LEAST_TAIL = 1e-300  # least probability of a tail, so that its normal quantile stays finite
+_LEAST_SHOWN = 1e-4  # least p-value that a figure shows as a number
 _QUANTILE = 1.959963984540054  # 97.5 % quantile of the normal law
 
 
@@ -116,7 +117,8 @@ class CorrelationTest:
         axes.set_ylim(-reach, reach)
         axes.set_xlabel(r"lag $\tau$ (samples)")
         axes.set_ylabel(f"${TESTS[self.name]}$")
-        axes.set_title(f"{'passes' if self.passed else 'fails'}, p = {self.p_value:.2g}", loc="right", fontsize="small")
+        chance = f"p = {self.p_value:.2g}" if self.p_value >= _LEAST_SHOWN else f"p < {_LEAST_SHOWN:g}"
+        axes.set_title(f"{'passes' if self.passed else 'fails'}, {chance}", loc="right", fontsize="small")
         return axes
 
 

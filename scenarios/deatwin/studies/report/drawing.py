@@ -46,6 +46,7 @@ _SETTINGS: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
+    "axes.axisbelow": True,
     "grid.color": COLOURS["grid"][0],
     "grid.linewidth": 0.6,
     "axes.edgecolor": COLOURS["ink"][0],

@@ -305,7 +305,10 @@ def _whole(view: _View) -> Drawing:
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
         svg = inline(figure, "whole", "All recordings and the simulations")
-    caption = "All recordings and their simulations. The simulations receive only the command."
+    caption = (
+        "All recordings and their simulations. The simulations receive only the command. Where the curves agree, the last "
+        "one hides the others."
+    )
     return Drawing(name="whole", title="All recordings", caption=caption, svg=svg, data="figures/time.csv")
 
 

@@ -13,7 +13,7 @@ from importlib.resources import files
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-from deatwin.ident.mismatch.say import risk
+from deatwin.ident.mismatch.say import ends, risk
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord, versions
 from deatwin.studies.report.drawing import COLOURS, Drawing
@@ -106,7 +106,7 @@ def templates(package: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": three_digits, "risk": risk, "likely": likely, "plain": plain}
+    environment.filters |= {"number": three_digits, "risk": risk, "likely": likely, "plain": plain, "ends": ends}
     environment.finalize = unbroken
     return environment
 

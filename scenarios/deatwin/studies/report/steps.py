@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.quality.noise import NoiseSource
+from deatwin.ident.mismatch.say import unit_of
 from deatwin.studies.report.drawing import Drawing, draw
 from deatwin.studies.report.quantities import quantity, three_digits, with_interval
 from deatwin.studies.report.tables import drawn_table
@@ -27,7 +28,7 @@ def step_drawings(diagnosis: Diagnosis) -> tuple[dict[str, Drawing | None], dict
     tables: dict[str, str] = {}
     if diagnosis.findings is None:
         return found, tables
-    for step, (size, title, caption, into) in _drawable(diagnosis.findings).items():
+    for step, (size, title, caption, into) in _drawable(diagnosis, diagnosis.findings).items():
         with draw(size) as figure:
             into(figure)
             found[step] = drawing = Drawing.of(figure, step, title, caption)
@@ -38,7 +39,7 @@ def step_drawings(diagnosis: Diagnosis) -> tuple[dict[str, Drawing | None], dict
 Drawable = tuple[tuple[float, float], str, str, Callable[["Figure"], object]]
 
 
-def _drawable(findings: Findings) -> dict[str, Drawable]:
+def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
     """Return size, title, caption and drawing function of each step's figure."""
     found: dict[str, Drawable] = {}
     found["checked"] = (
@@ -55,11 +56,12 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
         lambda figure: findings.detection.plot(list(figure.subplots(3, 1))),
     )
     if (location := findings.location) is not None:
+        units = {one.signal: unit_of(one.signal, diagnosis) for one in location.region.bins}
         found["region"] = (
             (WIDTH, 3.6),
             "The operating region",
             "Mean residual (measured minus simulated) over each signal, from the lowest to the highest value of the signal.",
-            lambda figure: location.region.plot(figure.add_subplot()),
+            lambda figure: location.region.plot(figure.add_subplot(), units),
         )
         if location.place.opened:
             found["place"] = (

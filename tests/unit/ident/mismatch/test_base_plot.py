@@ -35,7 +35,7 @@ def test_each_form_has_a_bar_for_each_part_the_chosen_one_first():
     fitted, unseen = widths(axes)
     assert fitted == pytest.approx([8.0, 12.0, 20.0])
     assert unseen == pytest.approx([9.0, 15.0, 26.0])
-    assert axes.get_xlabel() == "rms residual, µm"
+    assert axes.get_xlabel() == "rms residual (µm)"
     assert axes.get_xscale() == "linear"
     top, bottom = axes.get_ylim()[::-1]
     assert top < 0.0 < 2.0 < bottom  # the first row is the highest

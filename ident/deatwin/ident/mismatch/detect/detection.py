@@ -237,8 +237,8 @@ def _spectrum(detection: Detection, axes: Axes) -> None:
     curves, (unit, size) = detection.curves, written_amplitude(detection.output_unit)
     axes.loglog(curves.frequency, curves.spectrum / size**2, color="C0", linewidth=1.2, label="residual")
     axes.axhline(curves.noise / size**2, color="0.4", linestyle="--", linewidth=1, label="sensor noise")
-    axes.set_xlabel("frequency, Hz")
-    axes.set_ylabel(f"power density, {f'{unit}²' if unit else 1}/Hz")
+    axes.set_xlabel("frequency (Hz)")
+    axes.set_ylabel(f"power density ({f'{unit}²' if unit else 1}/Hz)")
     axes.set_title(
         f"excess {amount(f'{detection.size / size:.3g}', unit)}, counts from "
         f"{amount(f'{detection.practical / size:.3g}', unit)}",
@@ -251,10 +251,10 @@ def _spectrum(detection: Detection, axes: Axes) -> None:
 def _cumulated(detection: Detection, axes: Axes) -> None:
     curves = detection.curves
     low, high = (np.clip(curves.expected + s * curves.distance, 0.0, 1.0) for s in (-1, 1))
-    axes.fill_between(curves.lines, low, high, color="0.88", label="99 % of chance")
+    axes.fill_between(curves.lines, low, high, color="0.88", label="99 % range of noise alone")
     axes.plot(curves.lines, curves.expected, color="0.5", linewidth=0.8)
     axes.plot(curves.lines, curves.cumulated, color="C0", linewidth=1.2, label="residual")
-    axes.set_xlabel("frequency, Hz")
+    axes.set_xlabel("frequency (Hz)")
     axes.set_ylabel("cumulative periodogram")
     axes.set_title(f"p = {detection.p_value:.2g}, all statistics together", fontsize="small", loc="left")
     axes.legend(fontsize="small", loc="lower right")
@@ -265,7 +265,7 @@ def _correlations(detection: Detection, axes: Axes) -> None:
     groups = [name.split(" ")[0] if " ago" not in name else name.rsplit(" ", 3)[0] for name in curves.regressors]
     places = np.arange(len(groups))
     outside = np.abs(curves.correlations) > curves.bound
-    axes.axhspan(-curves.bound, curves.bound, color="0.88", zorder=0, label="99 % of chance")
+    axes.axhspan(-curves.bound, curves.bound, color="0.88", zorder=0, label="99 % range of noise alone")
     axes.axhline(0.0, color="0.5", linewidth=0.8)
     for chosen, colour in ((~outside, "C0"), (outside, "C3")):
         axes.vlines(places[chosen], 0.0, curves.correlations[chosen], color=colour, linewidth=1.5)

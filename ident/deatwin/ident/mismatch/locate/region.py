@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import cycle
 from operator import attrgetter
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,10 +60,10 @@ class Regions(Described):
     def __len__(self) -> int:
         return len(self.regions)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None, units: Mapping[str, str] = MappingProxyType({})) -> Axes:
         """Draw the mean residual over each signal, from its lowest to its highest value, with two standard errors."""
         ax = axes_or_new(ax)
-        for name in dict.fromkeys(one.signal for one in self.bins):
+        for name, marker in zip(dict.fromkeys(one.signal for one in self.bins), cycle("osD^vP"), strict=False):
             bins = [one for one in self.bins if one.signal == name]
             low, span = bins[0].low, bins[-1].high - bins[0].low
             at = [((one.low + one.high) / 2 - low) / span for one in bins]
@@ -69,18 +71,26 @@ class Regions(Described):
                 at,
                 [one.mean for one in bins],
                 [2 * one.deviation for one in bins],
-                marker="o",
+                marker=marker,
                 markersize=3,
                 linewidth=1,
                 capsize=2,
-                label=f"{name.replace('_', ' ')}: {low:.3g} to {low + span:.3g}",
+                label=_legend(name, low, low + span, "s" if name == SINCE_REST else units.get(name, "")),
             )
         ax.axhline(0.0, color="0.4", linewidth=0.8, linestyle="--")
         ax.set_xlim(-0.05, 1.05)
         ax.set_xlabel("signal, from its lowest to its highest value")
-        ax.set_ylabel(f"mean residual, {self.unit}" if self.unit else "mean residual")
+        ax.set_ylabel(f"mean residual ({self.unit})" if self.unit else "mean residual")
         ax.legend(fontsize="x-small", loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
         return ax
+
+
+def _legend(name: str, low: float, high: float, unit: str) -> str:
+    """Return the name of a signal with its range."""
+    if name == BRANCH:
+        return f"{name}: falling to rising reading"
+    lowest, highest = (f"{float(f'{end:.3g}'):g}" for end in (low, high))
+    return f"{name.replace('_', ' ')}: {lowest} to {highest} {unit}".rstrip()
 
 
 def locate_region(tracks: Sequence[Track], unit: float) -> Regions:

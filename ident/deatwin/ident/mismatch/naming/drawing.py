@@ -109,7 +109,7 @@ def _draw(rows: Sequence[Row], levels: Sequence[_Level], title: str, ax: Axes | 
     axes.set_yticks(places, names, fontsize="small")
     axes.set_ylim(len(rows) - 0.4, -0.6)
     _scale(axes, sizes, [level.size / size for level in levels])
-    axes.set_xlabel(f"rms residual, {unit}" if unit else "rms residual")
+    axes.set_xlabel(f"rms residual ({unit})" if unit else "rms residual")
     _explain(axes, rows, title)
     return axes
 

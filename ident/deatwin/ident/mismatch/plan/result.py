@@ -198,10 +198,10 @@ class ExperimentPlan:
         places, least = np.arange(len(shown)), np.array([change for _, change in shown])
         typical = np.array([one.change for one, _ in shown])
         axes.hlines(places, np.minimum(least, typical), np.maximum(least, typical), color="tab:gray", linewidth=1)
-        axes.plot(least, places, "o", color="tab:blue", label="found from here on")
-        axes.plot(typical, places, "d", color="tab:orange", label="at its typical strength")
+        axes.plot(least, places, "o", color="tab:blue", label="smallest change that is detected")
+        axes.plot(typical, places, "d", color="tab:orange", label="change at the typical strength")
         axes.axvline(self.noise, color="tab:gray", linestyle=":", label="sensor noise")
         axes.set_yticks(places, [one.effect.replace("_", " ") for one, _ in shown])
         axes.set(xscale="log", xlabel=axis_label("change of the reading, rms", written_unit(self.unit)))
-        axes.legend()
+        axes.legend(fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
         return axes

@@ -264,8 +264,8 @@ class DataQuality(Described):
             where = np.concatenate(marked[name], axis=1)
             if where.size:
                 axes.plot(*where, marker, color=colour, markersize=5, label=f"{name}, {where.shape[1]} samples")
-        axes.set_xlabel("time of the recordings, s")
-        axes.set_ylabel(f"reading, {unit}" if unit else "reading")
+        axes.set_xlabel("time of the recordings (s)")
+        axes.set_ylabel(f"reading ({unit})" if unit else "reading")
         axes.set_title(self.soundness.value, fontsize="small", loc="left")
         if any(mask.size for pieces in marked.values() for mask in pieces):
             axes.legend(fontsize="small")

@@ -126,3 +126,16 @@ def test_a_location_writes_its_unit_as_a_person_does():
     labels = [axes.get_ylabel() for axes in drawn]
     assert labels[0] == "residual (µm)" and labels[2] == "mean residual (µm)"
     assert np.abs(drawn[0].lines[0].get_ydata()).max() == pytest.approx(1e6 * np.abs(noisy[0].residual).max())
+
+
+def test_the_operating_region_is_drawn_with_units_and_a_marker_for_each_signal():
+    rng = np.random.default_rng(8)
+    reading = rng.uniform(-12000.0, 5000.0, 6000)
+    signals = {"command": rng.uniform(1.0, 2.0, 6000), "y": reading, "y_rate": np.gradient(reading, STEP)}
+    axes = locate_region([track(NOISE * rng.standard_normal(6000), **signals)], 1.0).plot(units={"command": "V"})
+    drawn = {bars.get_label().split(":")[0]: bars for bars in axes.containers}
+    assert drawn["command"].get_label() == "command: 1 to 2 V"
+    assert drawn["y"].get_label() == "y: -12000 to 5000"
+    assert drawn["branch"].get_label() == "branch: falling to rising reading"
+    assert drawn["time since rest"].get_label().endswith(" s")
+    assert len({bars[0].get_marker() for bars in drawn.values()}) == len(drawn) == 5

@@ -64,7 +64,7 @@ def test_each_candidate_has_a_bar_for_each_part_the_base_plant_first():
     fitted, unseen = ([bar.get_width() for bar in bars] for bars in axes.containers)
     assert fitted == pytest.approx([12.0, 2.2, 2.1, 5.0, 7.0])
     assert unseen == pytest.approx([16.0, 2.2, 2.3, 6.0, 11.0])
-    assert axes.get_xlabel() == "rms residual, µm"
+    assert axes.get_xlabel() == "rms residual (µm)"
     bottom, top = axes.get_ylim()
     assert top < 0.0 < 4.0 < bottom  # the first row is the highest
 

@@ -278,7 +278,7 @@ def test_the_gate_draws_what_it_found(sound):
     outputs = sound.recordings[0].outputs[0].copy()
     outputs[1000:1200] = np.median(outputs)
     axes = check_quality(PLANT, [with_outputs(sound, outputs)]).plot()
-    assert axes.get_ylabel() == "reading, µm"
+    assert axes.get_ylabel() == "reading (µm)"
     assert "stuck, 200 samples" in [text.get_text() for text in axes.get_legend().get_texts()]
 
 

@@ -1,0 +1,87 @@
+"""The site as a reader has it: on a screen and on a phone, light and dark, and on paper."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.extras
+
+ROOT = Path(__file__).parents[2]
+PAGES = (
+    "index",
+    "gallery",
+    "explanation/verdict",
+    "explanation/frequency",
+    "how-to/foreign-models",
+)
+SCREENS = ((400, "light"), (1400, "dark"))
+SWALLOWED = re.compile(r"\n\s*(?:\d+\.|[-*]) \S")
+"""The mark of a list's item inside of a paragraph: Markdown wants an empty line before it."""
+
+
+@pytest.fixture(scope="session")
+def site(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The built site; only where there is a browser to look at it."""
+    if importlib.util.find_spec("mkdocs") is None:
+        pytest.skip("mkdocs is not installed (the extra `docs`)")
+    folder = tmp_path_factory.mktemp("site")
+    subprocess.run([sys.executable, "-m", "mkdocs", "build", "--quiet", "-d", str(folder)], cwd=ROOT, check=True)
+    return folder
+
+
+def swallowed(html: str) -> list[str]:
+    """Paragraphs and items of lists that hold what was meant as an item of its own."""
+    prose = re.sub(r"<(pre|script|style|svg|math)\b.*?</\1>", "", html, flags=re.DOTALL)
+    return [text[:80] for text in re.findall(r"<(?:p|li)>(.*?)</(?:p|li)>", prose, re.DOTALL) if SWALLOWED.search(text)]
+
+
+def shown(tab: Any, page: Path, width: int, scheme: str) -> None:
+    """Open a page as a reader who comes for the first time."""
+    tab.size(width)
+    tab.media(scheme=scheme)
+    tab.open(page)
+    tab.run("localStorage.clear()")
+    tab.open(page)
+
+
+def cut_on_paper(tab: Any) -> list[str]:
+    """Tables that are wider than the page."""
+    return list(
+        tab.run("""
+        const right = document.documentElement.clientWidth;
+        return [...document.querySelectorAll("article table")]
+            .filter(table => table.getBoundingClientRect().right > right + 1)
+            .map(table => table.innerText.slice(0, 60));
+    """)
+    )
+
+
+def test_no_list_is_swallowed_by_a_paragraph(site: Path) -> None:
+    assert swallowed("<ol><li><p>one</p><p>more\n2. two</p></li></ol>") == ["more\n2. two"]
+    found = {page.name: swallowed(page.read_text(encoding="utf-8")) for page in site.rglob("*.html")}
+    assert {name: texts for name, texts in found.items() if texts} == {}
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_is_accessible_on_every_screen(name: str, site: Path, tab: Any, axe: Callable[[], list[str]]) -> None:
+    for width, scheme in SCREENS:
+        shown(tab, site / f"{name}.html", width, scheme)
+        assert tab.overflow() == 0, (width, scheme)
+        assert axe() == [], (width, scheme)
+
+
+@pytest.mark.parametrize("name", ["validation", "gallery", "reference/effects"])
+def test_a_page_is_printed_whole_and_in_the_colours_of_paper(name: str, site: Path, tab: Any) -> None:
+    shown(tab, site / f"{name}.html", 700, "dark")  # an A4 page within its margins
+    tab.media("print", "dark")
+    assert cut_on_paper(tab) == []
+    series = tab.run(
+        "const one = document.querySelector('.gallery .series1'); return one && getComputedStyle(one).color"
+    )
+    assert series in (None, "rgb(194, 65, 12)")
