@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info
 
+from deatwin.ident.mismatch import diagnose, plan_experiment
 from deatwin.ident.parallel import jobs_as_they_end, run_jobs, spawn_generators, stream_jobs
-from deatwin.plant import DataError
+from deatwin.plant import DataError, Diaphragm, Plant, Recording
 
 
 def draw(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -152,3 +153,21 @@ def test_a_number_of_workers_that_there_cannot_be_is_refused(workers):
 def test_a_seed_below_zero_is_refused():
     with pytest.raises(DataError, match="a seed of -1 seeds nothing: give 0 or more"):
         spawn_generators(-1, 2)
+
+
+class Begun(Exception):
+    """Raised by the first report of progress."""
+
+
+@pytest.mark.parametrize("started", [diagnose, plan_experiment])
+def test_the_likelihood_takes_one_thread(started):
+    """Where cores are busy, the threads of a tall and narrow product wait for each other sixty times longer."""
+    recording, seen = Recording.from_arrays(np.linspace(1.0, 2.0, 500), np.zeros(500), 0.02), []
+
+    def progress(share, text):
+        seen.append(threads_and_process(0)[0])
+        raise Begun
+
+    with pytest.raises(Begun):
+        started(Plant(rig=Diaphragm()), recording, progress=progress)
+    assert seen == [1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from deatwin.ident.greybox.parts import free_run_residuals
 from deatwin.ident.mismatch.advise.advise import advise
@@ -43,6 +44,7 @@ from deatwin.plant.recording import Experiment, Recording
 Progress = Callable[[float, str], None]
 
 
+@threadpool_limits.wrap(limits=1)  # tall and narrow matrices, for which more threads only wait for each other
 def diagnose(
     plant: Plant,
     experiments: Experiment | Recording | Sequence[Experiment | Recording],

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
@@ -41,6 +42,7 @@ TINY = 1e-300
 Progress = Callable[[float, str], None]
 
 
+@threadpool_limits.wrap(limits=1)  # tall and narrow matrices, for which more threads only wait for each other
 def plan_experiment(
     plant: Plant,
     commands: Recording | None = None,
