@@ -51,8 +51,9 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
     return {
         "tracking": [
             f"{whence} The first table compares each measure with its goal. An *inverse* computes the command from the "
-            "reference by the inverse of the model's static curve; an *inverse with dynamics* also inverts the model's "
-            "linear dynamics. An *oracle* is a controller that was designed in the same way from the true plant.",
+            "reference by the inverse of the model's static curve. An *inverse with dynamics* also inverts the model's "
+            "linear dynamics. An *oracle* is a controller that was designed by the same method, but on the true plant "
+            "instead of the model.",
             "",
             *markdown_table(["measure", "demanded", "reached", "met"], measures),
             "",

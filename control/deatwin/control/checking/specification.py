@@ -135,7 +135,8 @@ class Specification:
     diverged : Limit
         Share of the model's draws whose own closed loop diverges.
     width : Limit
-        Half width of the predicted band relative to the step; a band wider than the step is too uncertain to pass.
+        Half width of the predicted band relative to the step; a band that reaches more than a step to either side is
+        too uncertain to pass.
     inside : Limit
         Share of a run that lies inside the simultaneous band predicted by the model.
     limit_cycle : Limit

@@ -114,16 +114,20 @@ def _unseen(driven: Sequence[Driven]) -> Iterable[Measure]:
     seen = [(100 * (1 - one.track.seen[CONSTANT]), 100 * (1 - one.track.seen[VARYING])) for one in driven]
     yield WORDS.measure("whole", all(a < b for a, b in seen), pairs=Each(seen))
     for kind, way, which in (
-        ("unseen", CONSTANT, "held-out blocks, first with least-squares, then with varying parameters"),
+        (
+            "unseen",
+            CONSTANT,
+            "held-out blocks, with constant parameters from least squares and with varying parameters",
+        ),
         (
             "unseen",
             REFINED,
-            "held-out blocks, first with constant parameters fitted to the free run, then with varying parameters",
+            "held-out blocks, with constant parameters fitted to the free run and with varying parameters",
         ),
         (
             "ahead",
             CONSTANT,
-            "blocks later than all fitted data, first with least-squares, then with varying parameters",
+            "blocks later than all fitted data, with constant parameters from least squares and with varying parameters",
         ),
     ):
         errors = [getattr(one.track, kind) for one in driven]
