@@ -83,12 +83,13 @@ def law(
     return np.asarray(basis[:, sizes > ALIKE * sizes[0]])
 
 
-def limited(change: np.ndarray, does: np.ndarray, pieces: Sequence[slice], share: float) -> np.ndarray:
-    """Limit a change, (n,), in each octave of frequency to a `share` of what an effect does there, (n,).
+def limited(change: np.ndarray, does: np.ndarray, pieces: Sequence[slice]) -> np.ndarray:
+    """Limit a change, (n,), in each octave of frequency to what an effect, (n,), does there and above.
 
     `pieces` are stretches of equal time steps. What is constant over the longest of them is not limited.
     """
-    # Another law of a slow effect is slow, too. A cosine transform of each piece has no jump at its ends.
+    # Another law of a slow effect is slow, too; but that of a fast one may have slow parts, as a square has. A cosine
+    # transform of each piece has no jump at its ends.
     from scipy.fft import dct, idct
 
     longest = max(piece.stop - piece.start for piece in pieces)
@@ -98,8 +99,9 @@ def limited(change: np.ndarray, does: np.ndarray, pieces: Sequence[slice], share
         octaves.append(np.floor(np.log2(np.maximum(np.arange(size) * (longest / size), 0.5))).astype(int))
     where = np.concatenate(octaves)
     spectra = [np.concatenate([dct(rows[piece], norm="ortho") for piece in pieces]) for rows in (change, does)]
-    own, other = (np.sqrt(np.bincount(where + 1, weights=spectrum**2)) for spectrum in spectra)
-    shares = np.minimum(np.divide(share * other, own, out=np.ones_like(own), where=own > 0.0), 1.0)
+    own, other = (np.bincount(where + 1, weights=spectrum**2) for spectrum in spectra)
+    above = np.cumsum(other[::-1])[::-1]
+    shares = np.sqrt(np.minimum(np.divide(above, own, out=np.ones_like(own), where=own > 0.0), 1.0))
     shares[0] = 1.0
     kept = spectra[0] * shares[where + 1]
     ends = np.cumsum([piece.stop - piece.start for piece in pieces])[:-1]

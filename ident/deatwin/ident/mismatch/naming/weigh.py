@@ -8,7 +8,8 @@ effect could cause and the rest. Let :math:`c` be the contribution of the single
 .. math:: y = f_1(\theta) + \sum_{k=1}^2 \lambda_k\,\ell_k\,\frac{\mathrm{rms}(c)}{\mathrm{rms}(\delta_k)}\,\delta_k
           + B \beta + g + e, \qquad \lambda_k \sim N(0, 1)
 
-Another law of a slow effect is slow, too. So the second part is at most 10 % of c in each octave of frequency.
+Another law of a slow effect is slow, too. So in each octave of frequency, the second part is at most what c has there
+and above.
 
 A difference larger than such errors is a second effect. Of all pairs that were fitted, that one gives :math:`\delta`
 whose error helps the single effect most, since each pair is compared with the same single effect: what a second effect
@@ -54,8 +55,7 @@ OWN, OTHER = 0.05, 0.015
 contribution: of the part that another law of the same mechanism could cause, and of the rest."""
 LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
 """Effects whose laws vary more, and not by a filter; for them both deviations have this value. It was measured between
-other laws of these mechanisms and the catalogue's (docs/development/evidence.md). It is also the largest share of what
-an effect does in an octave of frequency that the second part of an error reaches there."""
+other laws of these mechanisms and the catalogue's (docs/development/evidence.md)."""
 GAP = 0.5
 """Smallest deviation of a time step from the usual one that counts as a gap, in usual steps."""
 FAR = 1e-300
@@ -177,7 +177,7 @@ class Scale:
         """Return the expected law error of one effect along a direction, (n,), that no other law of it would cause."""
         error, does = structured.known(direction[:, None], self._missed(alone)[1:])[:, 0], alone.contribution
         known = np.isfinite(does).all() and does.any()  # without the effect the plant may have no equilibrium
-        return structured.limited(error, does, self._pieces, LOOSE) if known else error
+        return structured.limited(error, does, self._pieces) if known else error
 
     @cached_property
     def _records(self) -> np.ndarray:
