@@ -174,7 +174,7 @@ class ParameterSet(Mapping[str, Parameter]):
         return np.array([self[name].value for name in (self if names is None else names)], dtype=float)
 
     def with_values(self, values: Mapping[str, float]) -> ParameterSet:
-        """Return the set with new SI `values` by name; RigError if a name is unknown, or a value no number or out of range."""
+        """Return the set with new SI `values` by name; RigError if a name is unknown or a value is impossible."""
         numbers = {}
         for name, value in values.items():
             self[name]

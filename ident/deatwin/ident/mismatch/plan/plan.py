@@ -83,9 +83,9 @@ def plan_experiment(
     Raises
     ------
     DataError
-        If the commands are of another type, no input is given and the rig states no range of its command, both an input and a length are given, the
-        length is not 100 to 100,000 samples, the rig accepts none of the effects, or the effects cannot be judged
-        because neither the noise nor the motion is known.
+        If the commands are no Recording, no input is given and the rig states no range of its command, both an input
+        and a length are given, the length is not 100 to 100,000 samples, the rig accepts none of the effects, or the
+        effects cannot be judged because neither the noise nor the motion is known.
     ModelError
         If there is no plant.
     SimulationError
