@@ -79,9 +79,9 @@ class Material:
     def __post_init__(self) -> None:
         if not callable(self.energy):
             raise RigError(f"energy is {self.energy!r}; give a function such as deatwin.plant.laws.gent, or a Formula")
-        names, given = _arguments(self.energy), {parameter.name: parameter for parameter in self.elastic}
-        if given.keys() == set(names):
-            object.__setattr__(self, "elastic", tuple(given[name] for name in names))
+        names, given = _arguments(self.energy), [parameter.name for parameter in self.elastic]
+        if sorted(given) == sorted(names):
+            object.__setattr__(self, "elastic", tuple(self.elastic[given.index(name)] for name in names))
         elif isinstance(self.energy, Formula):
             raise RigError(
                 f"the energy {self.energy.text!r} has the parameters {', '.join(names) or 'none'}; "

@@ -278,8 +278,9 @@ def test_parameters_of_an_energy_have_the_names_of_its_arguments_in_any_order() 
             assert float(film.energy(2.0, 2.0, *(p.value for p in film.elastic))) == pytest.approx(
                 1.5e5 * beyond + 5e3 * beyond**2, rel=1e-14
             )
-    with pytest.raises(RigError, match="has the parameters mu, c; elastic has mu"):
-        made(energy=formula, elastic=(mu,))
+    for elastic, says in (((mu,), "mu$"), ((mu, c, mu), "mu, c, mu$")):
+        with pytest.raises(RigError, match=f"has the parameters mu, c; elastic has {says}"):
+            made(energy=formula, elastic=elastic)
     with pytest.raises(RigError, match="energy is 'gent'; give a function"):
         made(energy="gent", elastic=(mu,))
 
