@@ -53,3 +53,11 @@ def whole_number(value: Any, name: str, least: int = 1, most: int | None = None)
         wanted = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise ModelError(f"{name} = {value!r}; it must be an integer {wanted}")
     return int(value)
+
+
+def positive(value: Any, name: str) -> float:
+    """Return a number, after a check that it is above 0 and finite."""
+    found = real_number(value, name)
+    if not 0.0 < found < np.inf:
+        raise ModelError(f"{name} = {value}; it must be positive and finite")
+    return found

@@ -17,7 +17,7 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.effects.places import everywhere
 from deatwin.plant.equations import STAGES, Equations
-from deatwin.plant.errors import RigError
+from deatwin.plant.errors import ModelError, RigError
 from deatwin.plant.parameters import ParameterSet
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig, require_usable
@@ -309,3 +309,9 @@ class Plant:
         except (TypeError, KeyError, ValueError) as error:
             raise RigError(f"malformed parameters: {error!r}; each needs a number under 'value'") from None
         return cls(rig=rig, effects=effects, values=values)
+
+
+def require_plant(plant: object, user: str) -> None:
+    """Raise ModelError for anything but a plant, such as a rig; `user` is what needs a plant."""
+    if not isinstance(plant, Plant):
+        raise ModelError(f"{user} needs a Plant, not a {type(plant).__name__}: make one of a rig with Plant(rig=...)")

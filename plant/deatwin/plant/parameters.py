@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
+from numbers import Real
 
 import numpy as np
 
@@ -67,7 +68,7 @@ class Parameter:
     Raises
     ------
     RigError
-        If the value lies outside the range or the range is empty.
+        If the value or an end of the range is not a number, the value lies outside the range, or the range is empty.
     """
 
     name: str
@@ -81,6 +82,9 @@ class Parameter:
     widest: float | None = None
 
     def __post_init__(self) -> None:
+        for name in ("value", "lower", "upper"):
+            if not isinstance(number := getattr(self, name), Real):
+                raise RigError(f"{name} of the parameter {self.name} is {number!r}; it must be a number")
         if self.widest is not None:
             object.__setattr__(self, "upper", _grown(self.upper, self.value, self.widest))
             if self.lower < 0.0:
@@ -170,7 +174,12 @@ class ParameterSet(Mapping[str, Parameter]):
         return np.array([self[name].value for name in (self if names is None else names)], dtype=float)
 
     def with_values(self, values: Mapping[str, float]) -> ParameterSet:
-        """Return the set with new SI `values` by name; RigError if a name is unknown or a value out of range."""
-        for name in values:
+        """Return the set with new SI `values` by name; RigError if a name is unknown or a value is impossible."""
+        numbers = {}
+        for name, value in values.items():
             self[name]
-        return ParameterSet(replace(p, value=float(values[p.name])) if p.name in values else p for p in self.values())
+            try:
+                numbers[name] = float(value)
+            except (TypeError, ValueError):
+                raise RigError(f"value of the parameter {name} is {value!r}; it must be a number") from None
+        return ParameterSet(replace(p, value=numbers[p.name]) if p.name in numbers else p for p in self.values())

@@ -20,6 +20,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.plant.arrays import real_numbers, seconds
 from deatwin.plant.decimation import decimate, low_pass_gain
 from deatwin.plant.errors import DataError
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
@@ -196,7 +197,8 @@ def resample(
 ) -> Recording:
     """Resample a recording to an even clock, from another sample time or from uneven times.
 
-    Readings and extras are interpolated linearly; commands are held. A longer sample time is reached with
+    Readings and extras are interpolated linearly. Commands are held: a new command is the level in the middle of its
+    sample if the commands form a staircase, and otherwise the mean over its sample. A longer sample time is reached with
     `deatwin.ident.narx.preprocess.decimate`, which filters first.
 
     Parameters
@@ -228,7 +230,8 @@ def resample(
     >>> resample(rows, 0.02, timepts=times).outputs.round(6).tolist()
     [[0.0, 2.0, 4.0, 6.0, 8.0]]
     """
-    times = recording.timepts if timepts is None else np.asarray(timepts, dtype=np.float64)
+    times = recording.timepts if timepts is None else real_numbers(timepts, "timepts")
+    sample_time = seconds(sample_time, "sample_time")
     if times.shape != (recording.n_samples,) or not np.isfinite(times).all():
         raise DataError(
             f"timepts have the shape {times.shape}; they must be {recording.n_samples} finite times, one for each row"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from inspect import signature
 from types import FunctionType
 from typing import Any, Self
 
@@ -50,7 +51,8 @@ class Material:
         `deatwin.plant.laws.Formula`, or a function of your own in CasADi. A saved file holds only the name of your own
         function, so a program must import the function's module before it reads the file.
     elastic : tuple of Parameter
-        Parameters of `energy`, in the order of its arguments.
+        Parameters of `energy`: in any order if they have the names of its arguments, otherwise in the order of its
+        arguments.
     branches : tuple of Branch
         Maxwell branches; empty for a purely elastic material.
     permittivity : Parameter
@@ -59,6 +61,11 @@ class Material:
         Field that the film withstands; None if it is unknown, in which case no breakdown is detected.
     density : float
         Density, kg/m³, for rigs in which the film's own inertia matters.
+
+    Raises
+    ------
+    RigError
+        If the energy cannot be called; or if it is a formula, and the parameters do not have the names in the formula.
     """
 
     name: str
@@ -68,6 +75,18 @@ class Material:
     permittivity: Parameter
     breakdown: BreakdownLaw | None = None
     density: float = 1000.0
+
+    def __post_init__(self) -> None:
+        if not callable(self.energy):
+            raise RigError(f"energy is {self.energy!r}; give a function such as deatwin.plant.laws.gent, or a Formula")
+        names, given = _arguments(self.energy), [parameter.name for parameter in self.elastic]
+        if sorted(given) == sorted(names):
+            object.__setattr__(self, "elastic", tuple(self.elastic[given.index(name)] for name in names))
+        elif isinstance(self.energy, Formula):
+            raise RigError(
+                f"the energy {self.energy.text!r} has the parameters {', '.join(names) or 'none'}; "
+                f"elastic has {', '.join(given) or 'none'}"
+            )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -132,6 +151,11 @@ def energy_named(name: str) -> Callable[..., Symbol]:
             'energy as a formula, as in "mu/2*(I1 - 3)"'
         )
     return found
+
+
+def _arguments(energy: Callable[..., Symbol]) -> tuple[str, ...]:
+    """Return the names of an energy's parameters, without the two stretches; of ``*terms``, only ``terms``."""
+    return energy.names if isinstance(energy, Formula) else tuple(signature(energy).parameters)[2:]
 
 
 def _name_of(energy: Callable[..., Symbol]) -> str:

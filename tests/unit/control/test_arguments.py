@@ -345,3 +345,12 @@ def test_the_decorated_function_stays_itself():
         area()
     with pytest.raises(ControlError, match="other must be a number; got a list of 1"):
         area(2.0, other=[1.0])
+
+
+def test_functions_that_depend_on_the_kind_of_their_first_argument_take_it_by_position():
+    """A function of `singledispatch` cannot take it by name."""
+    several = [taker for name in control.__all__ if hasattr(taker := getattr(control, name), "registry")]
+    assert control.static_curve in several
+    for taker in several:
+        first, *_ = inspect.signature(taker).parameters.values()
+        assert first.kind is first.POSITIONAL_ONLY, taker

@@ -1,25 +1,36 @@
 """What excitations, recordings, experiments and parameters refuse, and with what words."""
 
 from collections.abc import Callable
+from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 import pandas
 import pytest
 
 from deatwin.plant import (
+    BlockedPlanar,
+    BowTie,
+    Cone,
+    Coupon,
     Creep,
     Diaphragm,
     Disc,
     Experiment,
+    Material,
     MeasuringChain,
     Parameter,
     ParameterSet,
     Planar,
     Plant,
+    Pressure,
     Recording,
     RigError,
+    Roll,
     Scale,
+    Stack,
     fleet,
+    resample,
 )
 from deatwin.plant.checks import require_excitation
 from deatwin.plant.errors import DataError, ModelError
@@ -35,9 +46,11 @@ from deatwin.plant.excitation import (
     triangles,
     with_alternating_polarity,
 )
+from deatwin.plant.laws import Formula
 
 H = 0.02
 RNG = np.random.default_rng(0)
+FILMS = (BlockedPlanar, BowTie, Cone, Coupon, Diaphragm, Disc, Planar, Pressure, Roll, Stack)
 MASS = Parameter(name="mass", value=3e-3, unit="kg", lower=1e-6, upper=1.0, known=True)
 MODULUS = Parameter(name="shear_modulus", value=25e3, unit="Pa", lower=5e3, upper=200e3)
 PLANT = Plant(rig=Diaphragm())
@@ -226,3 +239,61 @@ def test_parameters_that_cannot_be(act: Callable[[], object], says: str) -> None
 def test_a_seed_is_no_generator(draw: Callable[[object], object]) -> None:
     with pytest.raises(ModelError, match=r"rng = 0; it must be a numpy\.random\.Generator"):
         draw(0)
+
+
+@pytest.mark.parametrize("film", FILMS)
+def test_no_rig_of_a_film_has_an_impossible_size(film: type) -> None:
+    names = {field.name for field in fields(film)}
+    sizes = names & {"length", "width", "area", "prestretch", "side_prestretch", "hoop_prestretch", "frame_radius"}
+    assert sizes
+    for name in sizes:
+        for value in (-1.0, 0.0, np.nan, np.inf):
+            with pytest.raises(RigError):
+                Plant(rig=film(**{name: value}))
+    for name, value in (("direction", 0.5), ("layers", 2.5), ("stations", 2.5), ("elements", 2.5), ("gain", True)):
+        if name in names:
+            with pytest.raises(RigError, match=f"rig.{name} is {value}; it must be"):
+                Plant(rig=film(**{name: value}))
+
+
+def test_sizes_may_be_numbers_of_numpy() -> None:
+    rig = Stack(layers=np.int64(30), area=np.float32(2**-12))
+    assert (
+        Plant(rig=rig).parameters.array().tolist()
+        == Plant(rig=Stack(layers=30, area=2**-12)).parameters.array().tolist()
+    )
+
+
+def test_parameters_of_an_energy_have_the_names_of_its_arguments_in_any_order() -> None:
+    """A stretch of 2 in both directions: I1 = 8 + 1/16, so that W = 3e5/2 (I1 - 3) + 5e3 (I1 - 3)^2."""
+    mu = Parameter(name="mu", value=3e5, unit="Pa", lower=1e3, upper=1e6)
+    c = Parameter(name="c", value=5e3, unit="Pa", lower=1e3, upper=1e6)
+    made = partial(
+        Material, name="mine", permittivity=Parameter(name="permittivity", value=3, unit="1", lower=1, upper=9)
+    )
+    formula, beyond = Formula("mu/2*(I1 - 3) + c*(I1 - 3)^2"), 5.0625
+    for energy in (formula, lambda a, b, mu, c: formula(a, b, mu, c)):
+        for elastic in ((mu, c), (c, mu)):
+            film = made(energy=energy, elastic=elastic)
+            assert float(film.energy(2.0, 2.0, *(p.value for p in film.elastic))) == pytest.approx(
+                1.5e5 * beyond + 5e3 * beyond**2, rel=1e-14
+            )
+    for elastic, says in (((mu,), "mu$"), ((mu, c, mu), "mu, c, mu$")):
+        with pytest.raises(RigError, match=f"has the parameters mu, c; elastic has {says}"):
+            made(energy=formula, elastic=elastic)
+    with pytest.raises(RigError, match="energy is 'gent'; give a function"):
+        made(energy="gent", elastic=(mu,))
+
+
+@pytest.mark.parametrize(
+    ("use", "says"),
+    [
+        (lambda: replace(MASS, value=None), "value of the parameter mass is None; it must be a number"),
+        (lambda: PLANT.with_values({"mass": "3 g"}), "value of the parameter mass is '3 g'; it must be a number"),
+        (lambda: resample(still(), "a"), "sample_time must be one number"),
+        (lambda: resample(still(), H, timepts="a"), "timepts must be an array of real numbers"),
+    ],
+)
+def test_numbers_that_are_none(use: Callable[[], object], says: str) -> None:
+    with pytest.raises((RigError, DataError), match=says):
+        use()

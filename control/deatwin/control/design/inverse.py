@@ -36,7 +36,7 @@ class Design(Protocol):
 
 
 @singledispatch
-def static_curve(system: Any, command_range: Limits, *, count: int = 33) -> StaticCurve:
+def static_curve(system: Any, /, command_range: Limits, *, count: int = 33) -> StaticCurve:
     """Compute the output at rest over the command, for an identified model or a plant.
 
     Parameters

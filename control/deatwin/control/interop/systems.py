@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 @singledispatch
-def to_nlsys(source: object, name: str | None = None) -> NonlinearIOSystem:
+def to_nlsys(source: object, /, name: str | None = None) -> NonlinearIOSystem:
     """Convert a model or a plant to a discrete nonlinear system of python-control, with its sampling time as ``dt``.
 
     The states of a `NarxModel` are the past outputs and inputs in its terms, in their units; an input of lag 0 feeds
@@ -74,7 +74,7 @@ def _(source: Plant, name: str | None = None) -> NonlinearIOSystem:
 
 
 @singledispatch
-def rest_state_of(source: object, operating_input: ArrayLike) -> Array:
+def rest_state_of(source: object, /, operating_input: ArrayLike) -> Array:
     """Return the state of rest, under a constant input, of the system that `to_nlsys` makes.
 
     The command of a plant moves from its value at the start to the operating input, at which the plant comes to rest;

@@ -45,7 +45,7 @@ class GainSchedule(FamilyBands):
 
 @singledispatch
 def gain_schedule(
-    source: Any, operating_inputs: ArrayLike, rng: np.random.Generator, samples: int = 200
+    source: Any, /, operating_inputs: ArrayLike, rng: np.random.Generator, samples: int = 200
 ) -> GainSchedule:
     """Linearise a model over operating points, with samples of its uncertain parameters.
 

@@ -14,7 +14,7 @@ from scipy.special import gammaincinv
 from deatwin.ident.greybox.covariance import white_variances
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.minimum import EVALUATIONS
-from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.parts import Part, Records, parts_of
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.survey import held
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
@@ -94,7 +94,7 @@ class Profile(Described):
         return ax
 
 
-def profile(calibration: Calibration, parts: Sequence[Part], name: str) -> Profile:
+def profile(calibration: Calibration, records: Records, name: str) -> Profile:
     """Find the 95 % likelihood interval of a parameter by profiling.
 
     The residuals of a plant are correlated in time, so the likelihood for white noise would give too narrow an
@@ -105,8 +105,8 @@ def profile(calibration: Calibration, parts: Sequence[Part], name: str) -> Profi
     ----------
     calibration : Calibration
         Calibration whose fit settled.
-    parts : sequence of Part
-        Samples that were fitted.
+    records : Part, Experiment or Recording, or a sequence of such
+        Data that were fitted.
     name : str
         Name of a fitted parameter.
 
@@ -114,6 +114,8 @@ def profile(calibration: Calibration, parts: Sequence[Part], name: str) -> Profi
     ------
     ModelError
         If the parameter was not fitted.
+    DataError
+        If the data are of another kind.
 
     References
     ----------
@@ -122,6 +124,7 @@ def profile(calibration: Calibration, parts: Sequence[Part], name: str) -> Profi
     """
     if name not in calibration.names:
         raise ModelError(f"{name!r} was not fitted{nearest(name, calibration.names)}")
+    parts = parts_of(records, calibration.plant.rig)
     sides = [_side(calibration, parts, name, sign) for sign in (-1, 1)]
     parameter = calibration.plant.parameters[name]
     points = {parameter.value: 0.0, **sides[0].tried, **sides[1].tried}

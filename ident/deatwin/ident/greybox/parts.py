@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -163,7 +163,7 @@ def first_only(parts: Sequence[Part]) -> tuple[Part, ...]:
 
 def parts_of(records: Records, rig: Rig) -> tuple[Part, ...]:
     """Return all samples that count as parts; those of further readings come last."""
-    listed = (records,) if isinstance(records, Part | Experiment | Recording) else tuple(records)
+    listed = tuple(records) if isinstance(records, Iterable) else (records,)
     if not listed:
         raise DataError("no recording is given: a calibration needs at least one")
     whole = iter(whole_parts([experiment_for(rig, one) for one in listed if not isinstance(one, Part)], rig))

@@ -9,7 +9,7 @@ import numpy as np
 
 from deatwin.ident.arguments import probability
 from deatwin.ident.narx.excited import Excitation, excitation
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.reliance import Reliance, assess_reliance
 from deatwin.ident.narx.residual import DIVERGED, DivergedError, free_run_residual
@@ -83,6 +83,7 @@ def assessed(
     -----
     The excited band is left out if every input is constant, a ramp, or shorter than 64 samples.
     """
+    require_model(model)
     whole, unseen = flatten(recordings), flatten(held_out)
     excited, _ = band_excited(whole)
     told = (assess_reliance(model, unseen) if reliance is None else reliance).provenance

@@ -369,3 +369,10 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         """Return the first sample that can be computed, after checking that the recording suits."""
         require_suits(recording, self, with_outputs=with_outputs, fewest=self.table.max_lag + 1)
         return self.table.max_lag
+
+
+def require_model(model: object) -> None:
+    """Raise ModelError for anything but a NarxModel, such as the identifier that holds one."""
+    if not isinstance(model, NarxModel):
+        instead = "; its model_ may be" if hasattr(type(model), "fit") else ""
+        raise ModelError(f"a {type(model).__name__} is not a NarxModel{instead}")

@@ -9,7 +9,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import whole_number
+from deatwin.ident.arguments import positive, whole_number
 from deatwin.ident.narx.criteria import CRITERIA, criterion_values
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.fixed import Fixed
@@ -125,8 +125,7 @@ class Narmax(NarxIdentifier):
             )
         for name, least in (("noise_degree", 1), ("max_noise_terms", 0), ("max_iterations", 1)):
             whole_number(getattr(self, name), name, least)
-        if not self.tolerance > 0:
-            raise ModelError(f"tolerance = {self.tolerance}; it must be positive")
+        positive(self.tolerance, "tolerance")
 
     def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
         return data  # the origin is that of the process

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.arguments import probability, real_numbers, whole_number
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.posterior import ThetaPosterior, quantile, regressors
@@ -197,10 +198,8 @@ def free_run_band(
         than 2 draws, or all of them diverge.
     """
     require_generator(rng)
-    tail = (1 - level) / 2
-    quantile(level, math.inf)  # raises an error for an invalid level
-    if n_draws < 2:
-        raise ModelError(f"n_draws = {n_draws}; a band needs at least 2 runs")
+    tail = (1 - probability(level)) / 2
+    whole_number(n_draws, "n_draws", 2)
     runs = _runs(model, recording, rng, n_draws, None if output_noise is None else _readings(model, output_noise))
     if not runs:
         raise ModelError(f"all {n_draws} draws of the posterior diverged in free run: there is no band")
@@ -217,7 +216,7 @@ def free_run_band(
 
 def _readings(model: NarxModel, output_noise: ArrayLike) -> Array:
     """Return the standard deviation of the noise on each reading, shape (n_outputs, 1)."""
-    given = np.asarray(output_noise, dtype=np.float64)
+    given = real_numbers(output_noise, "output_noise")
     if given.shape not in ((), (model.n_outputs,)) or not np.all((given >= 0) & np.isfinite(given)):
         raise ModelError(
             f"output_noise = {output_noise!r}; it must be a standard deviation of at least 0, or one for each of the "

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deatwin.ident.arguments import positive
 from deatwin.ident.kalman import Filtered, adjoint, kalman_filter, kalman_smoother
 from deatwin.ident.narx.identifier import FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
@@ -89,8 +90,8 @@ class ThetaSmoother(VaryingParameters):
                 raise ModelError(f"{name} = {given!r}{nearest(str(given), known)}; known are {' and '.join(known)}")
         if (self.noise_variance is None) != (self.drift_variance is None):
             raise ModelError("give noise_variance and drift_variance together, or none of them and both are estimated")
-        if self.noise_variance is not None and not self.noise_variance > 0:
-            raise ModelError(f"noise_variance = {self.noise_variance}; it must be positive")
+        if self.noise_variance is not None:
+            positive(self.noise_variance, "noise_variance")
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         rows, target = data.matrix()

@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from deatwin.ident.arguments import real_number
 from deatwin.ident.kalman import kalman_filter
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress
@@ -112,7 +113,7 @@ class Rls(VaryingParameters):
 
     def _check(self) -> None:
         super()._check()
-        if not 0 < self.forgetting <= 1:
+        if not 0 < real_number(self.forgetting, "forgetting") <= 1:
             raise ModelError(f"forgetting = {self.forgetting}; it must lie above 0 and not above 1")
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:

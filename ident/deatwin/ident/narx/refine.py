@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import positive, whole_number
 from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.covariance import gram_inverse_root
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.ident.narx.variables import argument_of
@@ -72,6 +73,8 @@ def refine(
     ----------
     Ljung, "System Identification: Theory for the User", 2nd ed. (1999), sections 4.2 and 10.3.
     """
+    positive(tolerance, "tolerance")
+    whole_number(max_steps, "max_steps")
     chosen = flatten(recordings)
     search = _Search(model, chosen, max_steps, progress)
     with suppress(KeyboardInterrupt):
@@ -120,6 +123,8 @@ def extend(
     ModelError
         If the model has several outputs or noise terms, its free run diverges, or a term cannot be read.
     """
+    require_model(model)
+    whole_number(max_terms, "max_terms")
     names = {"input_names": model.input_names, "output_names": model.output_names}
     terms = [term if isinstance(term, Term) else Term.parse(term, **names) for term in candidates]
     larger = extensions(model, flatten(recordings), terms, max_terms=max_terms)
@@ -183,6 +188,8 @@ def prune(
     ModelError
         If the model has several outputs or noise terms, or its free run diverges.
     """
+    require_model(model)
+    whole_number(n_terms, "n_terms")
     smaller = prunings(model, flatten(recordings), n_terms=n_terms)
     return _path(model, smaller, len(model.terms) - n_terms, progress)
 
@@ -289,6 +296,7 @@ def _derivative(model: NarxModel, variable: Variable) -> tuple[tuple[Term, ...],
 
 
 def _require_simple(model: NarxModel) -> None:
+    require_model(model)
     if len(model.output_names) != 1 or any(v.kind == "e" for v in model.table.variables):
         raise ModelError("only the free run of a model of one output and without noise terms can be refined")
 

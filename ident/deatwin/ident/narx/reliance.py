@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from deatwin.ident.narx.drive import require_suits
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import flatten
 from deatwin.ident.narx.validate import Validation, ValidationStatus, validate
 from deatwin.plant.errors import ModelError
@@ -190,6 +190,7 @@ def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Relian
     ModelError
         If a recording does not suit the model.
     """
+    require_model(model)
     for record in flatten(recordings):
         require_suits(record, model, with_outputs=True, fewest=0)
     try:

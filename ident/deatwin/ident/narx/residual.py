@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -145,6 +145,7 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
     An oscillating residual is described by the rms and correlation time of its envelope, as a slowly varying process;
     in a control loop this gives the larger uncertainty.
     """
+    require_model(model)
     run = model.simulate(recording)
     if not run.status.ok:
         raise DivergedError(f"the model's free run fails on the recording: {run.status.value}")

@@ -17,7 +17,7 @@ from scipy.linalg import solve_triangular
 
 from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.drive import require_suits
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import Recordings, Regression
 from deatwin.plant.errors import ModelError
 
@@ -99,6 +99,7 @@ def pseudovalues(
 ) -> Array:
     """Return the deviation of the parameters due to each block, (n_blocks, n_terms), from regressors P and residuals e:
     n_blocks - 1 times (P P' - P_k P_k')^-1 P_k e_k. `instruments` give Z for the first P of each product."""
+    require_model(model)
     model.require_one_output("the jackknife")
     whole_number(n_blocks, "n_blocks", 2)
     data = Regression.on(recordings, model.table).about(model)

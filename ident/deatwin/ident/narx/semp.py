@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import probability, whole_number
+from deatwin.ident.arguments import probability, real_number, whole_number
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.growth import grown, run_errors, white
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
@@ -113,7 +113,9 @@ class Semp(CandidateSearch):
     def _check(self) -> None:
         whole_number(self.max_terms, "max_terms")
         whole_number(self.max_exchanges, "max_exchanges", 0)
-        if not 0 < self.level <= 0.5:
+        if self.threshold is not None and np.isnan(real_number(self.threshold, "threshold")):
+            raise ModelError("threshold is nan; it must be a number, or None")
+        if not 0 < real_number(self.level, "level") <= 0.5:
             raise ModelError(f"level = {self.level}; it must lie above 0 and not above 0.5")
         if self.significance is not None:
             probability(self.significance, "significance")

@@ -9,6 +9,7 @@ from math import exp, lgamma, log, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import positive
 from deatwin.ident.narx.bayes import Posterior, Priors, Statistics, posterior
 from deatwin.ident.narx.estimate import Centred, Estimate
 from deatwin.plant.errors import ModelError, nearest
@@ -54,8 +55,8 @@ class Ridge:
             raise ModelError(
                 f"penalty = {self.penalty!r}{nearest(self.penalty, known)}; give a number, or gcv or evidence"
             )
-        if not isinstance(self.penalty, str) and not self.penalty > 0:
-            raise ModelError(f"penalty = {self.penalty}; it must be positive")
+        if not isinstance(self.penalty, str):
+            positive(self.penalty, "penalty")
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
         """Estimate. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
@@ -102,8 +103,10 @@ class Bayesian:
     priors: Priors = field(default_factory=Priors)
 
     def __post_init__(self) -> None:
-        if self.precision is not None and not self.precision > 0:
-            raise ModelError(f"precision = {self.precision}; it must be positive")
+        if self.precision is not None:
+            positive(self.precision, "precision")
+        if not isinstance(self.priors, Priors):
+            raise ModelError(f"priors = {self.priors!r}; give Priors(), as of deatwin.ident.narx.bayes")
 
     def __call__(self, rows: Array, target: Array) -> BayesianEstimate:
         """Estimate. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import positive, whole_number
 from deatwin.ident.narx.bayes import FLAT, Priors, RelevanceFit, Statistics, fit_relevance
 from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.fixed import Fixed
@@ -139,8 +140,11 @@ class SvbNarx(CandidateSearch):
             raise ModelError(
                 f"clean_up = {self.clean_up!r}{nearest(self.clean_up, _CLEAN_UPS)}; known are {', '.join(_CLEAN_UPS)}"
             )
-        if self.resolution <= 1 or self.max_iterations < 1 or min(self.a0, self.b0, self.c0, self.d0) <= 0:
-            raise ModelError("resolution must be above 1, max_iterations at least 1 and a0, b0, c0, d0 positive")
+        for name in ("resolution", "a0", "b0", "c0", "d0", "tolerance"):
+            positive(getattr(self, name), name)
+        if self.resolution <= 1:
+            raise ModelError(f"resolution = {self.resolution}; it must be above 1")
+        whole_number(self.max_iterations, "max_iterations")
 
     def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
         resting = super()._resting(data, model)

@@ -136,7 +136,8 @@ def generate_terms(
     ModelError
         If the lags or the degree are invalid, or the rule drops all terms.
     """
-    whole_number(degree, "degree")
+    for name, value, least in (("degree", degree, 1), ("n_inputs", n_inputs, 0), ("n_outputs", n_outputs, 0)):
+        whole_number(value, name, least)
     if rule is not None and not callable(rule):
         raise ModelError(f"rule = {rule!r}; it must be a callable that takes a term, or None")
     variables = []

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.narx.fit import Fit, gain_error
 from deatwin.ident.narx.late_inputs import late_inputs
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.residual_tests import CorrelationTest, Whiteness, correlation_tests, whiteness_of
 from deatwin.ident.narx.unstable import Unstable, recorded_once, stable_model_of_unstable, unstable_model
@@ -331,13 +332,14 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
     ModelError
         If a recording does not suit the model, or there are too few samples for the lags.
     """
+    require_model(model)
+    whole_number(max_lag, "max_lag")
+    probability(level)
     chosen = flatten(recordings)
     predicted = [model.predict(record) for record in chosen]
     simulated = [model.simulate(record) for record in chosen]
     residuals = [response.residuals for response in predicted]
     n_samples = sum(residual.shape[1] for residual in residuals)
-    if max_lag < 1 or not 0 < level < 1:
-        raise ModelError(f"max_lag = {max_lag}, level = {level}: the lag is at least 1, the level between 0 and 1")
     if n_samples < (needed := _LEAST_SAMPLES * max_lag):
         raise ModelError(
             f"{n_samples} samples after the model's lags are too few to test its residuals: correlations over "

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from math import isfinite
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from deatwin.plant.builder import Builder
@@ -71,8 +72,8 @@ class ForeignRig(Rig):
     Raises
     ------
     RigError
-        If the model cannot be called or hashed, the sizes are not `Sizes`, a varying parameter is unknown, or there
-        are further readings.
+        If the model cannot be called or hashed, the sizes are not `Sizes`, step or longest time are not above 0, a name
+        or a unit is not a text, a varying parameter is unknown, or there are further readings.
     """
 
     model: Model
@@ -106,6 +107,12 @@ class ForeignRig(Rig):
             raise RigError(
                 f"sizes is {self.sizes!r}; give the typical sizes, as Sizes(command=200.0, motion=60.0, period=300.0)"
             )
+        for name in ("step", "longest"):
+            if not (isinstance(value := getattr(self, name), Real) and float(value) > 0.0):
+                raise RigError(f"{name} is {value!r}; it must be a number above 0")
+        for name in ("input_name", "input_unit", "output_name", "output_unit"):
+            if not isinstance(value := getattr(self, name), str):
+                raise RigError(f"{name} is {value!r}; it must be text")
         if self.further:
             raise RigError("a foreign model gives one reading; leave `further` empty")
         known = ParameterSet(self.parameters)

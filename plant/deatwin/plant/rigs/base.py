@@ -20,7 +20,7 @@ from deatwin.plant.errors import DeatwinError, RigError
 from deatwin.plant.parameters import Parameter, ParameterSet
 from deatwin.plant.readings import ROOM_TEMPERATURE, Reading, readings_from
 from deatwin.plant.rigfaults import users_code
-from deatwin.plant.rigs.stated import require_number, require_stated
+from deatwin.plant.rigs.stated import require_number, require_sizes, require_stated
 from deatwin.plant.substance import Material
 from deatwin.plant.supply import Supply, supply_from
 
@@ -295,7 +295,7 @@ def require_reading_time(value: object, error: type[DeatwinError]) -> None:
 
 
 def require_usable(rig: object) -> None:
-    """Raise RigError for anything but a rig whose sample time, reading, noise and range of commands make sense."""
+    """Raise RigError for anything but a rig whose drive and sensor, and the sizes of whose film, make sense."""
     if not isinstance(rig, Rig):
         given = rig.__name__ if isinstance(rig, type) else repr(rig)
         raise RigError(f"{given} is not a rig: give an object such as Diaphragm()")
@@ -306,3 +306,5 @@ def require_usable(rig: object) -> None:
         if len(ends) != 2 or not all(isinstance(end, Real) for end in ends) or not ends[0] <= ends[1]:
             raise RigError(f"command_range is {rig.command_range!r}; it must be the lower end and then the upper one")
     rig.readings, rig.start  # noqa: B018  (check noise, model error and times)
+    if rig.has_film:  # other rigs may use the same names for other quantities
+        require_sizes(rig)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any
@@ -16,7 +16,7 @@ from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.published import STIFFEST, UNKNOWN
 from deatwin.plant.rigs.rigkeys import NumberKey, kind_of
 from deatwin.plant.safe_read import clipped
-from deatwin.plant.substance import Branch, Material, energy_named
+from deatwin.plant.substance import Branch, Material, Symbol, energy_named
 
 SPREAD = 5.0
 """Ratio of a value given without a range to the ends of its range; published sets of one elastomer differ by less."""
@@ -154,10 +154,12 @@ def read_material(section: object) -> tuple[Material | None, list[tuple[tuple[st
             reader.told(
                 (name,), f'unknown key "{clipped(name)}"{nearest(name[:100], KEYS) or "; known are " + ", ".join(KEYS)}'
             )
-    base = _base(reader)
-    if base is None:
+    found = _base(reader)
+    if found is None:
         return None, reader.mistakes
-    changed: dict[str, Any] = {"elastic": tuple(_elastic(reader, base)), "name": reader.text("name") or base.name}
+    base, energy = found
+    changed: dict[str, Any] = {"energy": energy, "elastic": tuple(_elastic(reader, base, energy))}
+    changed["name"] = reader.text("name") or ("of the rig file" if "energy" in section else base.name)
     if "branches" in section:
         changed["branches"] = tuple(_branches(reader))
     if "permittivity" in section:
@@ -173,11 +175,11 @@ def read_material(section: object) -> tuple[Material | None, list[tuple[tuple[st
     return (None if reader.mistakes else replace(base, **changed)), reader.mistakes
 
 
-def _base(reader: _Reader) -> Material | None:
-    """Return the published material with the section's name, or an unknown one with its energy."""
+def _base(reader: _Reader) -> tuple[Material, Callable[..., Symbol]] | None:
+    """Return the published material with the section's name, or an unknown one, and the energy."""
     name, energy = reader.text("name"), reader.text("energy")
     if name in MATERIALS and not energy:
-        return MATERIALS[name]
+        return MATERIALS[name], MATERIALS[name].energy
     if not energy:
         known = (*MATERIALS, *ENERGIES)
         reader.told(
@@ -191,17 +193,16 @@ def _base(reader: _Reader) -> Material | None:
     except RigError as error:
         reader.told(("energy",), str(error))
         return None
-    start = UNKNOWN[next(iter(UNKNOWN))] if isinstance(law, Formula) else material(law.__name__)
-    return replace(start, name=name or "of the rig file", energy=law)
+    return UNKNOWN[next(iter(UNKNOWN))] if isinstance(law, Formula) else material(law.__name__), law
 
 
-def _elastic(reader: _Reader, base: Material) -> Iterator[Parameter]:
+def _elastic(reader: _Reader, base: Material, energy: Callable[..., Symbol]) -> Iterator[Parameter]:
     """Yield the elastic parameters, from the section or from the published material."""
     given = reader.table("parameters") or {}
     published = {} if "energy" in reader.section else {p.name: p for p in base.elastic}
-    if isinstance(base.energy, Formula):
-        needed = base.energy.names
-    elif base.energy is ogden and not published:
+    if isinstance(energy, Formula):
+        needed = energy.names
+    elif energy is ogden and not published:
         needed = tuple(name for k in range(1, 1 + max(1, len(given) // 2)) for name in (f"mu{k}", f"alpha{k}"))
     else:
         needed = tuple(p.name for p in base.elastic)

@@ -1,10 +1,10 @@
-"""Check the fields of a rig from a file: their types, and whether sizes are physically possible."""
+"""Check the fields of a rig: their types, and whether sizes are physically possible."""
 
 from __future__ import annotations
 
 from dataclasses import fields
 from math import inf, isfinite
-from numbers import Real
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 from deatwin.plant.errors import RigError
@@ -29,8 +29,8 @@ _RANGES: dict[str, tuple[float, float]] = {
 }
 """Ranges of the fields of built-in rigs, both ends included, SI; other rigs have their own checks."""
 _KINDS = {
-    "float": (int | float, "a number"),
-    "int": (int, "a whole number"),
+    "float": (Real, "a number"),
+    "int": (Integral, "a whole number"),
     "bool": (bool, "true or false"),
     "str": (str, "text"),
 }
@@ -45,21 +45,28 @@ def require_number(name: str, value: object, *, least: float | None = None) -> N
 
 
 def require_stated(rig: Rig) -> None:
-    """Raise RigError unless each field of a rig has the right type and is in range."""
+    """Raise RigError unless each field of a rig from a file has the right type and is in range."""
+    require_sizes(rig)
+    if rig.command_range is not None:
+        _require_range(rig.command_range)
+
+
+def require_sizes(rig: Rig) -> None:
+    """Raise RigError unless the numbers, truth values and texts of a rig have the right type and are in range."""
     for field in fields(rig):
         value, kinds = getattr(rig, field.name), str(field.type).split(" | ")
         if kinds[0] in _KINDS and not (value is None and "None" in kinds) and type(value).__name__ not in kinds[1:]:
             _require(field.name, value, *_KINDS[kinds[0]])
-    if rig.command_range is not None:
-        _require_range(rig.command_range)
 
 
 def _require(name: str, value: Any, kind: Any, called: str) -> None:
     lower, upper = _RANGES.get(name, (-LARGEST, LARGEST))
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise RigError(f"rig.{name} is {clipped(repr(value))}; it must be {called}")
-    if isinstance(value, int | float) and not lower <= value <= upper:  # true for NaN, too
+    if isinstance(value, Real) and not lower <= float(value) <= upper:  # true for NaN, too
         raise RigError(f"rig.{name} is {value:g}; it must be from {lower:g} to {upper:g}")
+    if name == "direction" and abs(value) != 1:
+        raise RigError(f"rig.direction is {value:g}; it must be 1 or -1")
 
 
 def _require_range(limits: Any) -> None:

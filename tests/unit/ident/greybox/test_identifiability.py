@@ -12,7 +12,7 @@ from deatwin.ident.greybox.identifiability import profile
 from deatwin.ident.greybox.minimum import minimise
 from deatwin.plant import Experiment, Parameter, Plant, Recording
 from deatwin.plant.builder import Builder
-from deatwin.plant.errors import ModelError
+from deatwin.plant.errors import DataError, ModelError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +88,19 @@ def test_only_fitted_parameters_have_a_profile():
     calibration, parts = fitted(np.random.default_rng(4).standard_normal(60))
     with pytest.raises(ModelError, match="'gian' was not fitted"):
         profile(calibration, parts, "gian")
+    with pytest.raises(DataError, match="a float is not a recording"):
+        profile(calibration, 2.5, "gain")  # type: ignore[arg-type]
+    with pytest.raises(DataError, match="a NoneType is not a recording"):
+        calibrate(calibration.plant, None)  # type: ignore[arg-type]
+
+
+def test_a_profile_takes_the_data_of_the_calibration():
+    calibration, [part] = fitted(np.random.default_rng(4).standard_normal(60))
+    (recording,) = part.experiment.recordings
+    of_parts = profile(calibration, [part], "gain")
+    for records in (part, part.experiment, recording, [recording]):
+        found = profile(calibration, records, "gain")
+        assert (found.low, found.high) == (of_parts.low, of_parts.high)
 
 
 def test_a_parameter_that_others_can_stand_in_for_is_followed_along_their_valley(monkeypatch):

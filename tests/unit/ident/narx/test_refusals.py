@@ -6,7 +6,26 @@ import numpy as np
 import pytest
 
 from deatwin.ident.frequency import gfrf
-from deatwin.ident.narx import Frols, Grow, Narmax, Semp, SvbNarx, Term, ThetaSmoother, excitation, extend, validate
+from deatwin.ident.narx import (
+    Bayesian,
+    Frols,
+    Grow,
+    Narmax,
+    Ridge,
+    Rls,
+    Semp,
+    SvbNarx,
+    Term,
+    ThetaSmoother,
+    excitation,
+    extend,
+    free_run_band,
+    hold_out,
+    prune,
+    refine,
+    robust,
+    validate,
+)
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.linear import Arx, OutputError
@@ -21,6 +40,10 @@ SHORT = RECORD.section(0, 20)
 LINE, ONES = np.arange(50.0), np.ones(50)
 
 
+def _model():
+    return Fixed(terms=["y(k-1)", "u(k-1)"]).fit(RECORD).model_
+
+
 def of(inputs: np.ndarray, outputs: np.ndarray) -> Recording:
     return Recording.from_arrays(inputs, outputs, 1.0)
 
@@ -31,6 +54,17 @@ ARGUMENTS = [
     (Frols(criterion="free_run", held_out=0.001), "too short"),
     (Frols(estimator="ridge"), "Ridge"),
     (Frols(max_terms=0), "max_terms"),
+    (Frols(max_terms=2.5), "max_terms = 2.5; it must be an integer of at least 1"),
+    (Frols(held_out=None), "held_out must be real numbers"),
+    (Lasso(max_terms="3"), "max_terms = '3'; it must be an integer of at least 1"),
+    (Semp(threshold=np.nan), "threshold is nan"),
+    (Semp(max_exchanges=np.inf), "max_exchanges = inf; it must be an integer of at least 0"),
+    (SvbNarx(tolerance=-1.0), "tolerance = -1.0; it must be positive and finite"),
+    (SvbNarx(resolution=np.nan), "resolution = nan; it must be positive and finite"),
+    (SvbNarx(max_iterations=9.0), "max_iterations = 9.0; it must be an integer"),
+    (Narmax(Frols(), noise_degree=1.5), "noise_degree = 1.5; it must be an integer of at least 1"),
+    (Narmax(Frols(), tolerance=None), "tolerance must be real numbers"),
+    (Rls(terms=["y(k-1)"], forgetting=None), "forgetting must be real numbers"),
     (Frols(degree=0), "degree"),
     (Frols(max_terms=500, output_lags=8, input_lags=8, degree=3), "too few"),
     (Frols(output_lags=600, degree=1), "samples"),
@@ -138,11 +172,12 @@ def test_an_estimator_says_where_to_find_what_its_model_has():
         Frols().predict  # noqa: B018
     fitted = Frols().fit(RECORD)
     with pytest.raises(AttributeError, match=r"its fitted model has: model_\.predict"):
-        validate(fitted, RECORD)
+        fitted.predict  # noqa: B018
     with pytest.raises(AttributeError, match=r"no attribute 'coef_'$"):
         fitted.coef_  # noqa: B018
-    with pytest.raises(ModelError, match="a Frols is not a NarxModel; its model_"):
-        gfrf(fitted, 1, [1.0])
+    for use, given in ((gfrf, (1, [1.0])), (validate, (RECORD,)), (refine, (RECORD,)), (robust, (RECORD,))):
+        with pytest.raises(ModelError, match="a Frols is not a NarxModel; its model_"):
+            use(fitted, *given)
 
 
 @pytest.mark.parametrize(
@@ -152,6 +187,24 @@ def test_an_estimator_says_where_to_find_what_its_model_has():
         (lambda: choose_orders(Frols(), RECORD, RECORD, output_lags=2), r"output_lags = 2; give all that are tried"),
         (lambda: choose_orders(Frols(), RECORD, RECORD, output_lags=[2], degrees=1), r"degrees = 1; give all"),
         (lambda: excitation([RECORD]), "one recording is needed, not a list"),
+        (lambda: Ridge(penalty=None), "penalty must be real numbers"),
+        (lambda: Bayesian(precision=np.inf), "precision = inf; it must be positive and finite"),
+        (lambda: Bayesian(priors=1.0), r"priors = 1.0; give Priors\(\)"),
+        (lambda: hold_out(RECORD, None), "share must be real numbers"),
+        (lambda: validate(_model(), RECORD, max_lag=2.5), "max_lag = 2.5; it must be an integer of at least 1"),
+        (lambda: validate(_model(), RECORD, level="a"), "level must be real numbers; got text"),
+        (lambda: refine(_model(), RECORD, max_steps=2.5), "max_steps = 2.5; it must be an integer of at least 1"),
+        (lambda: refine(_model(), RECORD, tolerance=0.0), "tolerance = 0.0; it must be positive"),
+        (lambda: extend(_model(), RECORD, ["u(k-2)"], max_terms=2.5), "max_terms = 2.5; it must be an integer"),
+        (lambda: prune(_model(), RECORD, n_terms=-1), "n_terms = -1; it must be an integer of at least 1"),
+        (
+            lambda: free_run_band(_model(), RECORD, np.random.default_rng(0), n_draws=1e3),
+            "n_draws = 1000.0; it must be",
+        ),
+        (
+            lambda: free_run_band(_model(), RECORD, np.random.default_rng(0), output_noise="a"),
+            "output_noise must be real",
+        ),
     ],
 )
 def test_functions_say_what_they_take(use, says):

@@ -26,7 +26,7 @@ from deatwin.ident.parallel import run_jobs
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import DataError, SimulationError
-from deatwin.plant.model import Plant
+from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.readings import Reading
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
@@ -85,12 +85,17 @@ def plan_experiment(
     Raises
     ------
     DataError
-        If no input is given and the rig states no range of its command, both an input and a length are given, the
-        length is not 100 to 100,000 samples, the rig accepts none of the effects, or the effects cannot be judged
-        because neither the noise nor the motion is known.
+        If the commands are no Recording, no input is given and the rig states no range of its command, both an input
+        and a length are given, the length is not 100 to 100,000 samples, the rig accepts none of the effects, or the
+        effects cannot be judged because neither the noise nor the motion is known.
+    ModelError
+        If there is no plant.
     SimulationError
         If the nominal plant cannot follow the input.
     """
+    require_plant(plant, "a plan")
+    if not isinstance(commands, Recording | None):
+        raise DataError(f"commands must be a Recording, whose readings are ignored, not a {type(commands).__name__}")
     tell = progress or (lambda share, text: None)
     known = [e for e in (plant.rig.effects() if effects is None else effects) if plant.accepts(e)]
     if not known:

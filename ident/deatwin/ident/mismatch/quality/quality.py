@@ -19,8 +19,8 @@ from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.checks import experiment_for, require_excitation, require_samples
 from deatwin.plant.datasets import Described, Metadata, several, status_of, variable
 from deatwin.plant.drawing import axes_or_new
-from deatwin.plant.errors import DataError, ModelError
-from deatwin.plant.model import Plant
+from deatwin.plant.errors import DataError
+from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.recording import Experiment, Recording
 
 if TYPE_CHECKING:
@@ -295,10 +295,7 @@ def check_quality(plant: Plant, experiments: Experiment | Recording | Sequence[E
     ModelError
         If there is no plant, or there are too few samples for its parameters.
     """
-    if not isinstance(plant, Plant):
-        raise ModelError(
-            f"a diagnosis needs a Plant, not a {type(plant).__name__}: make one of a rig with Plant(rig=...)"
-        )
+    require_plant(plant, "a diagnosis")
     given = tuple(experiment_for(plant.rig, one) for one in _listed(experiments))
     records = [record for experiment in given for record in experiment.recordings]
     for record in records:

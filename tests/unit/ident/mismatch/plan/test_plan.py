@@ -13,6 +13,7 @@ from deatwin.plant import (
     DataError,
     Delay,
     Experiment,
+    ModelError,
     Parameter,
     Plant,
     Reading,
@@ -137,6 +138,10 @@ def test_what_cannot_be_planned_is_said() -> None:
     plant = Plant(rig=Amplifier())
     with pytest.raises(DataError, match=r"no range of its command, .*command_max_V"):
         plan_experiment(plant)
+    with pytest.raises(DataError, match="commands must be a Recording, whose readings are ignored, not a ndarray"):
+        plan_experiment(plant, np.zeros(200))  # type: ignore[arg-type]
+    with pytest.raises(ModelError, match="a plan needs a Plant, not a Amplifier"):
+        plan_experiment(plant.rig, steps())  # type: ignore[arg-type]
     with pytest.raises(DataError, match="either an input or a length"):
         plan_experiment(plant, steps(), seconds=3.0)
     with pytest.raises(DataError, match="none of the effects can be added"):
