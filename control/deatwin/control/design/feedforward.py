@@ -106,11 +106,12 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     Returns
     -------
     InverseFilter
+        Filter, with its largest relative error on the band.
 
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If the band is not a frequency below half the sampling rate.
     """

@@ -114,7 +114,7 @@ def hinf(
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     MissingPackageError
         If slycot is not installed.
     ControlError

@@ -51,6 +51,7 @@ def static_curve(system: Any, command_range: Limits, *, count: int = 33) -> Stat
     Returns
     -------
     StaticCurve
+        Curve, which must rise or fall everywhere in the range, with its inverse.
 
     Raises
     ------
@@ -149,7 +150,7 @@ def with_inverse(
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If the operating point lies outside the curve, its slope and the static gain have opposite signs, or the design
         fails.

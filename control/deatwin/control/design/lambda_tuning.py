@@ -100,7 +100,7 @@ def lambda_tuning(
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If the closed-loop time is shorter than a sample, the model needs more than 200000 samples to reach 63 % of a
         step, or the limits do not enclose the operating input.
@@ -157,7 +157,7 @@ def lambda_tuning_pid(
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If the model has no second lag, the closed-loop time is shorter than a sample, or the limits do not enclose
         the operating input.

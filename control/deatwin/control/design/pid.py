@@ -18,7 +18,9 @@ Limits = tuple[float, float]  # Least and largest command, in its unit
 
 @dataclass(frozen=True, kw_only=True)
 class PidGains:
-    """Gains of a PID controller with a filtered derivative of the reading.
+    """Gains of the PID controller ``u = (K_p + K_i/s) (r - y) - K_d s/(T_f s + 1) y``.
+
+    u is the command, r the reference and y the reading; `pid` makes a controller from the gains.
 
     Parameters
     ----------
@@ -56,12 +58,12 @@ class PidGains:
 
     @classmethod
     def of_law(cls, law: Law, sample_time: float) -> PidGains | None:
-        """Recover the gains from a law that `law` made, possibly scaled.
+        """Return the gains of a PI or PID law, for example of one that `Law.scaled` has changed.
 
         Parameters
         ----------
         law : Law
-            Law of any controller.
+            Law of any controller; only a law of the form that `law` returns has gains.
         sample_time : float
             Sampling time h, s.
 
@@ -122,7 +124,7 @@ class PidGains:
         )
 
     def windup(self, sample_time: float) -> np.ndarray:
-        """Return the back-calculation gain: the integral decays within the integral time, or at once for I controllers.
+        """Return the anti-windup gain, with the integral time as tracking time; an I controller tracks at once.
 
         Parameters
         ----------
@@ -132,7 +134,7 @@ class PidGains:
         Returns
         -------
         ndarray, shape (n,)
-            Anti-windup gain for `LinearController`.
+            Back-calculation gain of each state, for `LinearController`.
         """
         share = self.integral * sample_time / self.proportional if self.proportional else 1.0
         tracking = min(abs(share), 1.0)

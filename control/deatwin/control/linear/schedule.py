@@ -61,6 +61,7 @@ def gain_schedule(
     Returns
     -------
     GainSchedule
+        Static gain, modes and stability at each operating point, with 95 % bands; `GainSchedule.plot` draws them.
 
     Raises
     ------

@@ -235,6 +235,7 @@ def predict_loop(
     Returns
     -------
     PredictedLoop
+        Runs of the draws that did not diverge, with the simultaneous 95 % band of the output.
 
     Raises
     ------

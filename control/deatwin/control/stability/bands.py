@@ -210,11 +210,12 @@ def band_margins(
     Returns
     -------
     MarginBand
+        Each margin with its deviation and lower limit, and the locus with its simultaneous band.
 
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If the loop of the model itself is unstable, the model's coefficients do not represent its matrices accurately,
         or the level is not between 0 and 1.
