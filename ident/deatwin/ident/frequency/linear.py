@@ -87,6 +87,7 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
     Returns
     -------
     LinearPart
+        Coefficients of the linear difference equation, with their derivatives with respect to the parameters.
 
     Raises
     ------

@@ -119,6 +119,7 @@ def profile(calibration: Calibration, parts: Sequence[Part], name: str) -> Profi
     Returns
     -------
     Profile
+        Deviance over the values of the parameter, and the 95 % interval.
 
     Raises
     ------

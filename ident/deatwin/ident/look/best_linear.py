@@ -69,6 +69,7 @@ def best_linear_approximation(
     Returns
     -------
     BestLinearApproximation
+        Response at the excited lines, with the variances due to noise and to distortion.
 
     Raises
     ------

@@ -236,6 +236,7 @@ def look_at(recordings: Recordings) -> Look:
     Returns
     -------
     Look
+        Description of the recording; `Look.lines` gives it as text, `Look.plot` as a figure.
 
     Raises
     ------

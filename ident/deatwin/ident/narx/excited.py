@@ -188,6 +188,7 @@ def excitation(recording: Recording) -> Excitation:
     Returns
     -------
     Excitation
+        Excited bands, Hz, in rising order.
 
     Raises
     ------

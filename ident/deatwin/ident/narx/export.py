@@ -94,6 +94,7 @@ def narx_source(
     Returns
     -------
     SampledSource
+        C source; ``u`` holds the inputs, ``y`` the outputs.
 
     Raises
     ------

@@ -36,7 +36,7 @@ _SEARCH = 0.9
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Grow(CandidateSearch):
-    """Grow a model from a linear one by the free-run error, and prune it.
+    """Choose the terms of a NARX model by its free-run error: grow a linear model term by term, then prune it.
 
     The start is the linear model of second order by least squares. The candidate that lowers the free-run error most,
     to first order, is added, and all parameters are refined to the least free-run error (`extend`), until the model has

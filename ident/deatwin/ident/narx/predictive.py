@@ -149,6 +149,7 @@ def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95
     Returns
     -------
     PredictiveBand
+        Lower and upper end of the band at each sample, around the predicted outputs.
 
     Raises
     ------

@@ -138,6 +138,7 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
     Returns
     -------
     Residual
+        Rms, in the output's unit, and correlation time, s.
 
     Raises
     ------

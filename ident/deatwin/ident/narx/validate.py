@@ -329,6 +329,7 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
     Returns
     -------
     Validation
+        Errors one step ahead and in free run, the tests of the residual, and a joint `Validation.status`.
 
     Raises
     ------

@@ -167,6 +167,7 @@ def design_excitation(
     Returns
     -------
     TestSignal
+        One period, whose largest value is the first sample.
 
     Raises
     ------

@@ -175,6 +175,7 @@ def sample(
     Returns
     -------
     Sampled
+        Draws that were kept, and the numbers of those that were left out.
 
     Raises
     ------

@@ -173,6 +173,7 @@ def sliding_mean_and_gain(
     Returns
     -------
     SlidingStatistics
+        Mean and gain of each window with their bands, and tests for drift.
 
     Raises
     ------

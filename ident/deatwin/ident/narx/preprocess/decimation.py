@@ -148,6 +148,7 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
     Returns
     -------
     SamplingChoice
+        Decimation factor, with the autocorrelations from which it follows.
 
     Raises
     ------

@@ -252,6 +252,7 @@ def choose_orders(
     Returns
     -------
     OrderChoice
+        All trials; `OrderChoice.chosen` is the recommended one, `OrderChoice.best` the one with the smallest error.
 
     Raises
     ------

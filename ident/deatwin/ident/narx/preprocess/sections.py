@@ -264,6 +264,7 @@ def choose_sections(
     Returns
     -------
     Sections
+        Training and validation section, with the tests that led to them.
 
     Raises
     ------
