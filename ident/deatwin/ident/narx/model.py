@@ -77,6 +77,12 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
     ------
     ModelError
         If shapes, terms or values are inconsistent, or ``theta_cov`` is not symmetric positive semidefinite.
+
+    Examples
+    --------
+    >>> model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)^2": 2.0}, sample_time=0.1)
+    >>> model.simulate([1.0, 1.0, 1.0], initial=[0.0]).outputs
+    array([[0., 2., 3.]])
     """
 
     terms: tuple[Term, ...]
@@ -212,7 +218,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
 
     @cached_property
     def table(self) -> TermTable:
-        """Terms prepared for evaluation."""
+        """Terms of a model, evaluated for many samples at once."""
         return TermTable(self.terms)
 
     @property
