@@ -198,7 +198,7 @@ class Builder:
             Unique name.
         scale : float
             Typical size, SI.
-        start : symbol, optional
+        start : casadi.SX, optional
             Value at rest; by default the value at which its rate is zero.
 
         Returns
@@ -233,7 +233,7 @@ class Builder:
         ----------
         state : casadi.SX
             Symbol that `state` returned.
-        value, mass : symbol or float
+        value, mass : casadi.SX or float
             Right side, and factor of the rate; `mass` depends on parameters only.
         """
         name = next((n for n, (symbol, _, _) in self.written.states.items() if is_same(symbol, state)), None)
@@ -301,7 +301,7 @@ class Builder:
 
         Parameters
         ----------
-        value : symbol
+        value : casadi.SX
             Residual of the algebraic equation.
         """
         self.written.balances.append(number(value, f"balance {1 + len(self.written.balances)}"))
@@ -313,7 +313,7 @@ class Builder:
         ----------
         unknown : casadi.SX
             State or coordinate.
-        value : symbol or float
+        value : casadi.SX or float
             Start value, an expression of parameters and constants.
         """
         known = {n: s for n, (s, *_) in (*self.written.states.items(), *self.written.coordinates.items())}
@@ -329,7 +329,7 @@ class Builder:
         ----------
         name : str
             Unique name.
-        value : symbol
+        value : casadi.SX
             Expression of states, coordinates and parameters.
 
         Returns
@@ -349,7 +349,7 @@ class Builder:
             Place of the signal in the plant.
         name : str
             Name of the signal.
-        signal : symbol or object
+        signal : casadi.SX or object
             Signal without effects.
 
         Returns
@@ -370,12 +370,12 @@ class Builder:
         ----------
         name : str
             Name in the results, with the unit if that is not SI.
-        value : symbol
+        value : casadi.SX
             Signal to report.
 
         Returns
         -------
-        symbol
+        casadi.SX
             `value`, unchanged.
         """
         number(value, f"the watched signal {name}")
@@ -389,7 +389,7 @@ class Builder:
         ----------
         name : str
             Name under which `signal` returns it.
-        value : symbol or object
+        value : casadi.SX or object
             Quantity to share, for example the film.
 
         Returns
@@ -407,11 +407,11 @@ class Builder:
         ----------
         name : str
             Name of the reading. A watched signal is offered under its own name without this call.
-        level : symbol or float
+        level : casadi.SX or float
             Part of the reading that is a quantity itself, not a rate, SI.
-        stored : symbol or float
+        stored : casadi.SX or float
             Quantity whose mean rate over a sample is added, such as a charge, in SI.
-        share : symbol or float
+        share : casadi.SX or float
             Factor of that rate.
         """
         parts = (level, stored, share)
@@ -424,12 +424,12 @@ class Builder:
         ----------
         name : str
             Name given to `watch` or `share`.
-        otherwise : symbol or object, optional
+        otherwise : casadi.SX or object, optional
             Value to return if the rig does not have the signal.
 
         Returns
         -------
-        symbol or object
+        casadi.SX or object
 
         Raises
         ------
@@ -449,7 +449,7 @@ class Builder:
 
         Parameters
         ----------
-        output : symbol
+        output : casadi.SX
             Reading of the rig, SI.
         further : sequence of str
             Names of the rig's further readings.

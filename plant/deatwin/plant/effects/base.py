@@ -94,8 +94,8 @@ class Site:
 class Effect(ABC):
     """Physics that rewrites one signal of a plant and vanishes exactly at a strength of zero.
 
-    The fields of a subclass are its physical parameters in SI units. The class variables give the name of the effect,
-    the place and signal on which the effect acts, and the parameter that is the strength of the effect.
+    The fields of a subclass are its physical parameters in SI units. The class variables `name`, `place`, `signal`
+    and `strength` give the name of the effect, where it acts, and the parameter that is its strength.
     """
 
     name: ClassVar[str]
@@ -136,7 +136,7 @@ class Effect(ABC):
 
         Parameters
         ----------
-        signal : symbol or object
+        signal : casadi.SX or object
             Signal before this effect.
         build : Builder
             Builder that collects the effect's states and equations.

@@ -33,19 +33,19 @@ def stretched(
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
-    permittivity : symbol or float
+    permittivity : casadi.SX or float
         :math:`\varepsilon_0^r`, relative permittivity at the stretches `from_1` and `from_2`.
-    slope : symbol or float
+    slope : casadi.SX or float
         c, relative change per unit of stretch; zero or negative.
-    from_1, from_2 : symbol or float
+    from_1, from_2 : casadi.SX or float
         :math:`\lambda_{01}, \lambda_{02}`, stretches at which `permittivity` holds: 1 for the unstretched tape, the
         prestretch for a value measured on a film in its frame.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Relative permittivity.
 
     References
@@ -60,18 +60,18 @@ def relaxing(time: Symbol, permittivity: Symbol, relative_change: Symbol, time_c
 
     Parameters
     ----------
-    time : symbol or float
+    time : casadi.SX or float
         t, time since the relaxation began, s; before the relaxation, the permittivity has its first value.
-    permittivity : symbol or float
+    permittivity : casadi.SX or float
         First relative permittivity.
-    relative_change : symbol or float
+    relative_change : casadi.SX or float
         a, the final change divided by the first value; above -1.
-    time_constant : symbol or float
+    time_constant : casadi.SX or float
         :math:`\tau` in s.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Relative permittivity.
     """
     return permittivity * (1 + relative_change * (1 - ca.exp(-ca.fmax(time, 0.0) / time_constant)))
@@ -136,16 +136,16 @@ def displacement(field: Symbol, permittivity: Symbol, polarisation: Symbol) -> S
 
     Parameters
     ----------
-    field : symbol or float
+    field : casadi.SX or float
         E, true field, V/m.
-    permittivity : symbol or float
+    permittivity : casadi.SX or float
         :math:`\varepsilon_\infty`, instantaneous relative permittivity.
-    polarisation : symbol or float
+    polarisation : casadi.SX or float
         P, the polarisation that follows `polarisation_rate`, C/m².
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Electric displacement, C/m².
     """
     return permittivity * VACUUM_PERMITTIVITY * field + polarisation
@@ -160,18 +160,18 @@ def polarisation_rate(field: Symbol, polarisation: Symbol, step: Symbol, time_co
 
     Parameters
     ----------
-    field : symbol or float
+    field : casadi.SX or float
         E, true field, V/m.
-    polarisation : symbol or float
+    polarisation : casadi.SX or float
         P in C/m².
-    step : symbol or float
+    step : casadi.SX or float
         :math:`\Delta\varepsilon`, the final increase of the relative permittivity.
-    time_constant : symbol or float
+    time_constant : casadi.SX or float
         :math:`\tau` in s.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Rate, C/(m² s).
 
     References
@@ -202,20 +202,20 @@ def polarised_energy(
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
-    permittivity : symbol or float
+    permittivity : casadi.SX or float
         :math:`\varepsilon_\infty`, instantaneous relative permittivity.
-    nominal_field : symbol or float
+    nominal_field : casadi.SX or float
         :math:`\tilde E`, voltage divided by the undeformed thickness, V/m.
-    polarisation : symbol or float
+    polarisation : casadi.SX or float
         P in C/m².
-    step : symbol or float
+    step : casadi.SX or float
         :math:`\Delta\varepsilon`, the final increase of the relative permittivity; above 0.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Co-energy density, J/m³.
     """
     field = nominal_field * stretch_1 * stretch_2
