@@ -105,12 +105,12 @@ class Converter(Part):
         Parameters
         ----------
         volts : array_like
-            V.
+            Voltages, V.
 
         Returns
         -------
         array
-            V, of the same shape.
+            Rounded voltages, V, of the same shape.
         """
         return np.clip(quantise(volts, self.step), -self.full_scale, self.full_scale - self.step)
 

@@ -86,7 +86,7 @@ class LinearElastic:
         Parameters
         ----------
         field : float or array
-            V/m.
+            Field across the film, V/m.
 
         Returns
         -------
@@ -101,7 +101,7 @@ class LinearElastic:
         Parameters
         ----------
         field : float or array
-            V/m.
+            Field across the film, V/m.
 
         Returns
         -------

@@ -140,7 +140,7 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
 
 @taking(controller=instance(InverseController), filter=instance(InverseFilter))
 def with_dynamics(controller: InverseController, filter: InverseFilter) -> InverseController:
-    """Feed the filtered reference forward instead of the reference itself.
+    """Return an inverse controller that passes the reference through a filter before feeding it forward.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ _MARGINS = {"gain": "", "phase_deg": "deg", "delay": "s", "disk": ""}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MarginBand(Described):
-    """Margins and locus of a loop with the uncertainty of its model.
+    """Margins and locus of a loop with the uncertainty of its model, as `band_margins` returns them.
 
     Parameters
     ----------

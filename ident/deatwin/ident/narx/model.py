@@ -218,7 +218,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
 
     @cached_property
     def table(self) -> TermTable:
-        """Terms of a model, evaluated for many samples at once."""
+        """Terms prepared for evaluation."""
         return TermTable(self.terms)
 
     @property

@@ -182,7 +182,7 @@ def generate_terms(
 
 @dataclass(frozen=True, eq=False)
 class TermTable:
-    """Terms prepared for evaluation.
+    """Terms of a model, evaluated for many samples at once.
 
     Parameters
     ----------

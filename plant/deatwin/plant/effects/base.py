@@ -92,7 +92,7 @@ class Site:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect(ABC):
-    """Physics that rewrites one signal of a plant and vanishes exactly at a strength of zero.
+    """Base class of effects: physics that changes one signal of a plant and vanishes exactly at a strength of zero.
 
     The fields of a subclass are its physical parameters in SI units. The class variables `name`, `place`, `signal`
     and `strength` give the name of the effect, where it acts, and the parameter that is its strength.

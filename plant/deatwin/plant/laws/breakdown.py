@@ -20,7 +20,7 @@ class BreakdownLaw:
     field : float
         :math:`E_1`, breakdown field of an unstretched film of thickness :math:`h_1`, V/m.
     thickness : float
-        :math:`h_1` in m.
+        :math:`h_1`, the thickness for which `field` holds, m.
     thickness_power : float
         p; negative, because a thin film withstands more.
     stretch_power : float

@@ -81,7 +81,7 @@ class StartProcedure:
 
 @dataclass(frozen=True, kw_only=True)
 class Rig(ABC):
-    """Kinematics, loads, drive and sensor of an experiment.
+    """Base class of experimental set-ups, each with its kinematics, loads, drive and sensor.
 
     Parameters
     ----------
