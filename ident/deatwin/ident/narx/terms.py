@@ -147,6 +147,11 @@ def generate_terms(
     ------
     ModelError
         If the lags or the degree are invalid, or the rule drops all terms.
+
+    Examples
+    --------
+    >>> [str(term) for term in generate_terms(output_lags=1, input_lags=1, degree=2)]
+    ['1', 'y(k-1)', 'u(k-1)', 'y(k-1)^2', 'y(k-1)u(k-1)', 'u(k-1)^2']
     """
     if not isinstance(degree, int | np.integer) or degree < 1:
         raise ModelError(f"degree = {degree!r}; it must be an integer of at least 1")
