@@ -77,8 +77,9 @@ def lambda_tuning(
     - K is the largest gain from 0 Hz to the crossover, because the gain may be larger in fast motion than at rest.
     - A lag shorter than lambda is not cancelled but counted with the delay: :math:`K_p = 0`,
       :math:`K_i = 1/(K(\lambda + \theta + T))`. Cancelling such a lag would gain little speed and raise the loop gain
-      at all higher frequencies, at which a dielectric elastomer actuator has the lightly damped mode of the mass that it
-      moves; a recording up to 1 Hz does not show this mode. A nearly static actuator therefore gets an integral controller.
+      at all higher frequencies, at which a dielectric elastomer actuator has the lightly damped mode of the mass that
+      it moves; a recording up to 1 Hz does not show this mode. A nearly static actuator therefore gets an integral
+      controller.
 
     Parameters
     ----------

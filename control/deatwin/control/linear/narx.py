@@ -25,8 +25,8 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     Parameters
     ----------
     model : NarxModel
-        Identified model. The result relates the rows of its recording; apply `LinearModel.in_loop` to get the model
-        that a controller sees.
+        Identified model. The result counts samples as the rows of its recording do; apply `LinearModel.in_loop` to get
+        the model that a controller sees.
     operating_input : float, optional
         Constant input, in its unit; the mean of the training inputs by default.
 

@@ -278,7 +278,7 @@ def closed_loop(
     Returns
     -------
     ClosedLoop
-        Signals of the run and measures such as the overshoot. After a failure, the run ends early and its status says why.
+        Signals of the run and measures such as the overshoot. After a failure the run ends early; its status says why.
 
     Raises
     ------

@@ -42,8 +42,8 @@ class SensorDrift(Effect):
     .. math:: y \to y + a\,(1 - e^{-t/\tau}), \qquad t \ge 0
 
     `placed` moves the drift to the offset of the amplifier's ``command``, or to the gain of amplifier or sensor,
-    ``command_gain`` or ``reading_gain``, where the command or reading s becomes
-    :math:`s\,[1 + a\,(1 - e^{-t/\tau})]`. A single reading cannot distinguish drift of the amplifier's gain from `permittivity_drift`.
+    ``command_gain`` or ``reading_gain``, where the command or reading s becomes :math:`s\,[1 + a\,(1 - e^{-t/\tau})]`.
+    A single reading cannot distinguish drift of the amplifier's gain from `permittivity_drift`.
 
     The effect has no state. Typical: micrometres to a tenth of a millimetre per hour, while the sensor head warms up or
     its mount settles. Signature: the baseline moves without a change of gain, equally at 0 V and under drive;
