@@ -142,7 +142,7 @@ class Builder:
             Unique name.
         scale : float
             Typical size, SI.
-        start : symbol, optional
+        start : casadi.SX, optional
             Value at rest; by default the value at which its rate is zero.
         """
         symbol = self._unknown(name)
@@ -173,7 +173,7 @@ class Builder:
         ----------
         state : casadi.SX
             Symbol that `state` returned.
-        value, mass : symbol or float
+        value, mass : casadi.SX or float
             Right side, and factor of the rate; `mass` depends on parameters only.
         """
         name = next((n for n, (symbol, _, _) in self.written.states.items() if is_same(symbol, state)), None)
@@ -245,7 +245,7 @@ class Builder:
             Place of the signal in the plant.
         name : str
             Name of the signal.
-        signal : symbol or object
+        signal : casadi.SX or object
             Signal without effects.
 
         Returns
@@ -277,11 +277,11 @@ class Builder:
         ----------
         name : str
             Name of the reading. A watched signal is offered under its own name without this call.
-        level : symbol or float
+        level : casadi.SX or float
             Part of the reading that is a quantity itself, not a rate, SI.
-        stored : symbol or float
+        stored : casadi.SX or float
             Quantity whose mean rate over a sample is added, such as a charge, in SI.
-        share : symbol or float
+        share : casadi.SX or float
             Factor of that rate.
         """
         parts = (level, stored, share)
@@ -294,12 +294,12 @@ class Builder:
         ----------
         name : str
             Name given to `watch` or `share`.
-        otherwise : symbol or object, optional
+        otherwise : casadi.SX or object, optional
             Value to return if the rig does not have the signal.
 
         Returns
         -------
-        symbol or object
+        casadi.SX or object
 
         Raises
         ------
@@ -319,7 +319,7 @@ class Builder:
 
         Parameters
         ----------
-        output : symbol
+        output : casadi.SX
             Reading of the rig, SI.
         further : sequence of str
             Names of the rig's further readings.

@@ -17,7 +17,7 @@ class DataError(DeatwinError, ValueError):
     Parameters
     ----------
     text : str
-        The text.
+        Message for the user.
     offers : ReadOptions
         Options with which the file could be read; the text names these options too. None by default.
     """

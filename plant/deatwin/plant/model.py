@@ -33,7 +33,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plant:
-    """A rig with effects: immutable and cheap to make; its equations are compiled when first needed.
+    """Simulation model of an experiment, from command to reading: a rig with effects.
+
+    A plant is immutable and cheap to make; its equations are compiled when first needed.
 
     Parameters
     ----------

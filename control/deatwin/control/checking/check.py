@@ -100,7 +100,7 @@ def check(
     controller : Controller, optional
         Existing controller to judge instead of designing one; the loop is then closed at its operating input.
     operating_input : float, optional
-        Constant input about which the loop is closed, in its unit; the centre of the training data by default.
+        Constant input about which the loop is closed, in its unit; the mean of the training inputs by default.
     operating_inputs : array_like, shape (n,), optional
         Further operating points at which margins are judged, in the input's unit; by default five that cover the
         commands needed by the check's references. The controller's own operating point is always included.

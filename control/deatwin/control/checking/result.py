@@ -115,12 +115,15 @@ def _infinite(values: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_document):
-    """Result of checking a controller before it is used on the actuator.
+    """Result of `check`: the verdict on a controller before it is used on the actuator, and the reasons.
+
+    The model is the identified NARX model, the plant is the physics model that stands for the actuator, and draws are
+    samples of the uncertain parameters of either.
 
     Parameters
     ----------
     findings : tuple of Finding
-        All judgements; the most severe one decides the verdict.
+        Judgements of single quantities, such as the phase margin; the most severe one decides the verdict.
     operating : OperatingPoint
         Operating point at which the model was linearised.
     controller : Controller or None
@@ -133,7 +136,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
     excited_band_Hz : float or None
         Upper end of the band that the recording excited, Hz; None if it is not known.
     steps, sine : ClosedLoop or None
-        Closed-loop runs on the physics plant, with a step and a sine reference.
+        Closed-loop runs on the plant, with a step and a sine reference.
     others : mapping of str to ClosedLoop
         Runs of the step reference on the other plants, by the plants' names.
     predicted : PredictedLoop or None

@@ -12,7 +12,11 @@ from deatwin.control.errors import ControlError
 
 
 class Verdict(Enum):
-    """Verdict on a controller before it is used on the actuator; the value is its name in files."""
+    """Verdict on a controller, or on one quantity of its loop.
+
+    ``PASS`` if every requirement is met, ``FAIL`` if a requirement is not met even at its weaker limit, else
+    ``MARGINAL``; see `Limit`.
+    """
 
     PASS = "pass"
     MARGINAL = "marginal"

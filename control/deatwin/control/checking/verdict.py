@@ -20,7 +20,7 @@ from deatwin.plant.amplitudes import written_amplitude
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One judgement of a check.
+    """Judgement of one quantity, such as the phase margin, in a `Check`.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Controller(ABC):
-    """A sampled controller with limits of its command.
+    """Base class of sampled controllers with a limited command.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If the band is not a frequency below half the sampling rate.
     """
@@ -111,7 +111,7 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
 
 @taking(controller=instance(InverseController), filter=instance(InverseFilter))
 def with_dynamics(controller: InverseController, filter: InverseFilter) -> InverseController:
-    """Feed the filtered reference forward instead of the reference itself.
+    """Return an inverse controller that passes the reference through a filter before feeding it forward.
 
     Parameters
     ----------

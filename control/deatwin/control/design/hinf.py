@@ -100,7 +100,7 @@ def hinf(
         Frequency up to which the sensitivity stays below one, Hz. The model is not reliable beyond the band that its
         recording excited: choose the bandwidth well inside this band.
     max_sensitivity : float
-        Upper bound on the sensitivity.
+        Upper bound on the sensitivity |1/(1 + L)| of the loop L at any frequency.
     effort : float
         Upper bound on the command that a reference causes, relative to the command that holds the output at the
         reference; beyond twice the bandwidth this bound falls with frequency.
@@ -114,7 +114,7 @@ def hinf(
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     MissingPackageError
         If slycot is not installed.
     ControlError

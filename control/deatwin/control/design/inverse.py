@@ -145,7 +145,7 @@ def with_inverse(
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If the operating point lies outside the curve, its slope and the static gain have opposite signs, or the design
         fails.

@@ -77,8 +77,9 @@ def lambda_tuning(
     - K is the largest gain from 0 Hz to the crossover, because the gain may be larger in fast motion than at rest.
     - A lag shorter than lambda is not cancelled but counted with the delay: :math:`K_p = 0`,
       :math:`K_i = 1/(K(\lambda + \theta + T))`. Cancelling such a lag would gain little speed and raise the loop gain
-      at all higher frequencies, at which a DEA has the lightly damped mode of its ball; a recording up to 1 Hz does not
-      show this mode. A nearly static actuator therefore gets an integral controller.
+      at all higher frequencies, at which a dielectric elastomer actuator has the lightly damped mode of the mass that
+      it moves; a recording up to 1 Hz does not show this mode. A nearly static actuator therefore gets an integral
+      controller.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ def lambda_tuning(
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If the closed-loop time is shorter than a sample, the model needs more than 200000 samples to reach 63 % of a
         step, or the limits do not enclose the operating input.
@@ -109,6 +110,13 @@ def lambda_tuning(
     ----------
     Rivera, Morari & Skogestad, "Internal model control: PID controller design", Ind. Eng. Chem. Process Des.
     Dev. 25 (1986) 252-265, doi:10.1021/i200032a041.
+
+    Examples
+    --------
+    >>> model = dict(numerator=[0.0, 0.0, 0.2], denominator=[1.0, -0.9], covariance=np.zeros((4, 4)), sample_time=0.1)
+    >>> linear = LinearModel(**model, operating_input=1.0, operating_output=2.0)
+    >>> lambda_tuning(linear, command_limits=(0.0, 5.0), closed_loop_time=0.5).name
+    'PI'
     """
     plant, h = reduce_to_first_order(linear), linear.sample_time
     lag, delay = plant.time_constant, plant.delay + 0.5 * h
@@ -157,7 +165,7 @@ def lambda_tuning_pid(
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If the model has no second lag, the closed-loop time is shorter than a sample, or the limits do not enclose
         the operating input.

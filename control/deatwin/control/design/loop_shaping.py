@@ -93,7 +93,7 @@ def loop_shaping(
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If a bound makes no sense, or the bounds cannot be met at the crossover; the text gives the largest crossover at
         which the bounds can be met.

@@ -99,7 +99,7 @@ def lqg(
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If the closed-loop time cannot be reached (the text gives one that can), a noise or drift level is not positive,
         or the limits do not enclose the operating input.

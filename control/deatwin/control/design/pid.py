@@ -18,7 +18,9 @@ Limits = tuple[float, float]  # Least and largest command, in its unit
 
 @dataclass(frozen=True, kw_only=True)
 class PidGains:
-    """Gains of a PID controller with a filtered derivative of the reading.
+    """Gains of the PID controller ``u = (K_p + K_i/s) (r - y) - K_d s/(T_f s + 1) y``.
+
+    u is the command, r the reference and y the reading; `pid` makes a controller from the gains.
 
     Parameters
     ----------
@@ -109,7 +111,7 @@ class PidGains:
         )
 
     def windup(self, sample_time: float) -> np.ndarray:
-        """Return the back-calculation gain: the integral decays within the integral time, or at once for I controllers.
+        """Return the anti-windup gain, with the integral time as tracking time; an I controller tracks at once.
 
         Parameters
         ----------
@@ -119,7 +121,7 @@ class PidGains:
         Returns
         -------
         ndarray, shape (n,)
-            Anti-windup gain for `LinearController`.
+            Back-calculation gain of each state, for `LinearController`.
         """
         share = self.integral * sample_time / self.proportional if self.proportional else 1.0
         tracking = min(abs(share), 1.0)

@@ -136,7 +136,7 @@ def in_loop(system: NonlinearIOSystem, name: str | None = None) -> NonlinearIOSy
     Returns
     -------
     control.NonlinearIOSystem
-        System whose states are those of `system` followed by the last outputs, ``last_...``. To start at rest ``x0``
+        System whose states are those of `system`, then ``last_`` and the name of each output. To start at rest ``x0``
         under the input ``u0``, use ``numpy.append(x0, system.output(0.0, x0, u0))``.
 
     Raises

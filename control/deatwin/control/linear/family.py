@@ -244,7 +244,7 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     Parameters
     ----------
     model : NarxModel
-        Identified model, whose lags count samples of its recording, as for `linearise`.
+        Identified model. As with `linearise`, apply `LinearFamily.in_loop` to the result before designing a controller.
     operating_inputs : array_like, shape (n_points,)
         Constant inputs, in their unit.
     thetas : array_like, shape (n_samples, n_terms), optional

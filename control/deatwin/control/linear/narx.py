@@ -25,10 +25,10 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     Parameters
     ----------
     model : NarxModel
-        Identified model. Lags count samples of its recording. The instant within a sample at which the reading was
-        taken is ignored here; see `LinearModel.in_loop`.
+        Identified model. The result counts samples as the rows of its recording do; apply `LinearModel.in_loop` to get
+        the model that a controller sees.
     operating_input : float, optional
-        Constant input, in its unit; the centre of the training data by default.
+        Constant input, in its unit; the mean of the training inputs by default.
 
     Returns
     -------
@@ -39,6 +39,12 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     ------
     ModelError
         If the model has several inputs or the operating input is not finite.
+
+    Examples
+    --------
+    >>> model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)^2": 1.0}, sample_time=0.1)
+    >>> linearise(model, operating_input=1.0).static_gain
+    4.0
     """
     if len(model.input_names) != 1:
         raise ModelError(f"the model has {len(model.input_names)} inputs; a controller is designed for one")

@@ -71,7 +71,7 @@ def linearise_along(
     trajectory : ThetaTrajectory
         Parameters theta(t), with their covariance, of a model of one input and one output.
     operating_input : array_like, shape () or (n_times,), optional
-        Constant input, or one for each time, in its unit; the centre of the training data by default.
+        Constant input, or one for each time, in its unit; the mean of the training inputs by default.
     times : array_like, shape (n_times,), optional
         Increasing times, s; by default those of the trajectory, thinned evenly to at most 200.
     rng : numpy.random.Generator

@@ -48,7 +48,7 @@ class Level:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoop(Described):
-    """A closed-loop run on the physics plant.
+    """Signals of a closed-loop run on a plant, as `closed_loop` returns them, and measures such as the overshoot.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def closed_loop(
     settle: float = 2.0,
     progress: Progress | None = None,
 ) -> ClosedLoop:
-    """Run a controller in closed loop with the physics plant.
+    """Run a controller in closed loop with a plant, the physics model of the actuator.
 
     The rig's start procedure moves the plant from rest to the operating input, where it settles. The loop then runs
     sample by sample: read, choose a command, hold it for a sample. Reading and command pass through the rig's measuring

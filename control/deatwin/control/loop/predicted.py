@@ -43,7 +43,7 @@ reference."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictedLoop(Described):
-    """Closed-loop runs on draws of a model.
+    """Prediction of a closed-loop run: runs on draws of a model's parameters, as `predict_loop` returns them.
 
     Parameters
     ----------

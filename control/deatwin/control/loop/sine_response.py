@@ -132,11 +132,6 @@ def sine_response(
     ------
     ControlError
         If an argument has the wrong type, or amplitudes or frequencies are not as described.
-
-    Notes
-    -----
-    Each run stores only a triangular matrix of 6 by 6 numbers, so the slowest sine needs no more memory than the
-    fastest.
     """
     sizes, rates = (np.array(v, dtype=np.float64) for v in (amplitudes, omega))
     h = plant.rig.sample_time

@@ -67,7 +67,7 @@ _MARGINS = {"gain": "", "phase_deg": "deg", "delay": "s", "disk": ""}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MarginBand(Described):
-    """Margins and locus of a loop with the uncertainty of its model.
+    """Margins and locus of a loop with the uncertainty of its model, as `band_margins` returns them.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def band_margins(
     Raises
     ------
     ModelError
-        If no controller can be designed on the model.
+        If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If the loop of the model itself is unstable, the model's coefficients do not represent its matrices accurately,
         or the level is not between 0 and 1.

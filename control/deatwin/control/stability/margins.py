@@ -20,7 +20,7 @@ _POLE = 1e3  # Gain above which a loop whose denominator is rounding has a pole
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Margins:
-    """Margins of loops; each margin is zero if the closed loop is unstable.
+    """Margins of loops L, as `margins` returns them; each margin is zero if the closed loop is unstable.
 
     Parameters
     ----------
@@ -95,6 +95,13 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
     Åström & Murray, Feedback Systems (2008), section 9.3, ISBN 978-0-691-13576-2.
     Seiler, Packard & Gahinet, An introduction to disk margins, IEEE Control Systems Magazine 40 (2020), section on
     the symmetric disk margin.
+
+    Examples
+    --------
+    The closed loop of k z^-1/(1 - z^-1) has its pole at 1 - k, and is unstable for k above 2:
+
+    >>> margins([0.0, 0.5], [1.0, -1.0], sample_time=1.0).gain.round(6)
+    array([4.])
     """
     top, bottom, lead = loop_polynomials(numerators, denominators)
     found, stable = search(top, bottom), stable_loops(top, bottom)

@@ -19,7 +19,9 @@ grows there."""
 
 @taking(first=numbers, second=numbers)
 def in_series(first: ArrayLike, second: ArrayLike) -> Array:
-    """Multiply polynomials: one family by another, or by a single polynomial.
+    """Multiply the polynomials of systems in series, such as a model and a controller, for `margins`.
+
+    Either argument may be a family of polynomials, for example one polynomial for each sample of a model.
 
     Parameters
     ----------
@@ -35,6 +37,11 @@ def in_series(first: ArrayLike, second: ArrayLike) -> Array:
     ------
     ControlError
         If the coefficients are not real numbers, or their leading axes cannot be broadcast.
+
+    Examples
+    --------
+    >>> in_series([1.0, 2.0], [1.0, 3.0])
+    array([1., 5., 6.])
     """
     left, right = (np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in (first, second))
     lead = _lead(left, right)

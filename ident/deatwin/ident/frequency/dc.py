@@ -63,7 +63,7 @@ class Equilibrium(Frozen):
 def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> Equilibrium:
     """Find all real equilibria of a model under a constant input.
 
-    The equilibrium near the data is followed from the centre of the training data to the operating input; a model
+    The equilibrium near the data is followed from the mean of the training inputs to the operating input; a model
     without training data is assumed to have zero output under zero input.
 
     Parameters
@@ -71,7 +71,7 @@ def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> E
     model : NarxModel
         Identified model.
     operating_input : array_like, shape () or (n_inputs,), optional
-        Constant inputs, in their units; the centre of the training data by default.
+        Constant inputs, in their units; the mean of the training inputs by default.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
     model : NarxModel
         Identified model.
     operating_input : array_like, shape () or (n_inputs,), optional
-        Constant inputs ubar, in their units; the centre of the training data by default.
+        Constant inputs ubar, in their units; the mean of the training inputs by default.
 
     Returns
     -------

@@ -22,12 +22,12 @@ Complex = NDArray[np.complex128]
 
 
 def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyResponse:
-    """Compute the frequency response B/(A F) of a `LinearModel`, with its covariance.
+    """Compute the frequency response of an ARX, ARMAX, output-error or Box-Jenkins model, with its covariance.
 
     Parameters
     ----------
-    model : LinearModel
-        ARX, ARMAX, output-error or Box-Jenkins model.
+    model : deatwin.ident.narx.linear.LinearModel
+        Model with the polynomials A, B and F; the response from an input is B/(A F).
     omega : array_like, shape (n,)
         Angular frequencies, rad/s, between minus and plus half the sampling rate.
     channel : int

@@ -56,7 +56,7 @@ def gfrf(
         Name of the input that carries each tone, as ``["u1", "u2"]`` or by the model's own names; required if the model
         has several inputs.
     operating_input : float, or array_like of shape (n_inputs,), optional
-        Constant input about which the model is expanded, in its unit; the centre of the training data by default (0
+        Constant input about which the model is expanded, in its unit; the mean of the training inputs by default (0
         after `remove_dc`, and without training data).
     form : str
         "symmetric" for the response that does not depend on the order of the frequencies; "recursive" for the result of
@@ -81,6 +81,14 @@ def gfrf(
     difference equation models", Int. J. Control 50 (1989) 1925-1940, doi:10.1080/00207178908953472.
     Ridler, Salter, "An approach to the treatment of uncertainty in complex S-parameter measurements",
     Metrologia 39 (2002) 295-302, doi:10.1088/0026-1394/39/3/6.
+
+    Examples
+    --------
+    Two constant inputs (frequency 0) of a model with y = 2 u^2 at rest:
+
+    >>> model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)^2": 1.0}, sample_time=0.1)
+    >>> gfrf(model, 2, [[0.0, 0.0]]).gain
+    array([2.])
     """
     order = whole_order(order, HIGHEST_ORDER)
     if not isinstance(form, str) or form not in FORMS:
@@ -106,7 +114,7 @@ def gfrf(
 
 
 def frequency_grid(*axes: ArrayLike) -> Array:
-    """Return all combinations of frequencies, with the last frequency varying fastest.
+    """Return all combinations of the frequencies of several tones, for `gfrf`; the last frequency varies fastest.
 
     Parameters
     ----------
@@ -122,6 +130,11 @@ def frequency_grid(*axes: ArrayLike) -> Array:
     ------
     ModelError
         If there is no axis, or one is not a list of real numbers.
+
+    Examples
+    --------
+    >>> frequency_grid([1.0], [2.0, 3.0]).tolist()
+    [[1.0, 2.0], [1.0, 3.0]]
     """
     given = [real_numbers(axis, "each axis of the grid") for axis in axes]
     if not given or any(axis.ndim != 1 for axis in given):

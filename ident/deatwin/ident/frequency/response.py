@@ -93,7 +93,10 @@ class Pointwise(Frozen):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyResponse(Described, Frozen):
-    """Complex quantity over frequency at an operating point: response H_n or G_n, or output spectrum Y_n, of order n.
+    """Frequency response or output spectrum of order n at an operating point, with the uncertainty of the parameters.
+
+    H_n is a generalised frequency response (`gfrf`), G_n a nonlinear output frequency response (`nofrf`), and Y_n the
+    n-th order of the output's spectrum (`output_orders`).
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ def output_spectrum(
     order : int
         Highest order N, at least 1.
     operating_input : float, or array_like of shape (n_inputs,), optional
-        Constant input about which the model is expanded, in its unit; the centre of the training data by default.
+        Constant input about which the model is expanded, in its unit; the mean of the training inputs by default.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def output_orders(
     order : int
         Highest order N, at least 1.
     operating_input : float, or array_like of shape (n_inputs,), optional
-        Constant input about which the model is expanded, in its unit; the centre of the training data by default.
+        Constant input about which the model is expanded, in its unit; the mean of the training inputs by default.
 
     Returns
     -------

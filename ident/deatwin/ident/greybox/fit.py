@@ -245,8 +245,7 @@ def calibrate(
     first from the same values, the others from a low-discrepancy sequence of points in the parameters' ranges, which is
     the same in every run. The search ends when two starts agree on the least error, which usually costs about three
     times as much as one fit. Two errors agree if a single 95 % interval could contain both; if the parameters
-    nevertheless disagree, the
-    result contains both solutions.
+    nevertheless disagree, the result contains both solutions.
 
     Ctrl-C ends the search: the best parameters so far are kept, and `status` says so. If the first simulation has not
     ended yet, KeyboardInterrupt is raised.

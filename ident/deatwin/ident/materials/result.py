@@ -59,7 +59,7 @@ class CalibratedMaterial:
     notes : tuple of str
         Remarks on what the tests cannot determine.
     tests : tuple of MaterialTest
-        The tests.
+        Tests to which the material was fitted.
     data : Observations
         Samples of the tests that were used.
     modelled : ndarray, shape (n,)

@@ -36,7 +36,7 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Least squares by QR of the normalised regressors, which is more accurate than the normal equations."""
+    """Estimator of given terms, for `Frols` and `Fixed`: least squares, by QR of the normalised regressors."""
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
         """Estimate; ``theta_cov`` is ``s^2 (P'P)^-1``. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""

@@ -24,14 +24,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TotalLeastSquares:
-    """Total least squares, for independent errors of equal variance in regressors and output.
+    """Estimator of given terms by total least squares, for equal errors in regressors and output.
 
-    The estimate theta is the vector for which ``P theta = y`` holds after the smallest change of the regressors P and
-    the output y; it follows from the singular value decomposition of [P y]. A constant regressor is taken as exact.
-    With n samples and the variance s^2 of each single error, ``noise_variance`` is the variance ``(1 + |theta|^2) s^2``
-    of the equation's error, and ``theta_cov`` is the first-order approximation
-    ``(1 + |theta|^2) s^2 (P'P - n s^2)^-1``. The assumption holds only roughly for a NARX model: its regressors share
-    lagged signals, and products scale the errors.
+    The errors are assumed independent and of equal variance. The estimate theta is the vector for which ``P theta = y``
+    holds after the smallest change of the regressors P and the output y; it follows from the singular value
+    decomposition of [P y]. A constant regressor is taken as exact. With n samples and the variance s^2 of each single
+    error, ``noise_variance`` is the variance ``(1 + |theta|^2) s^2`` of the equation's error, and ``theta_cov`` is the
+    first-order approximation ``(1 + |theta|^2) s^2 (P'P - n s^2)^-1``. The assumption holds only roughly for a NARX
+    model: its regressors share lagged signals, and products scale the errors.
 
     Identifiers pass scaled regressors: each signal is divided by the power of two just above its largest magnitude. The
     errors are then assumed equal relative to these divisors, not in the signals' units. If the errors are equal in the

@@ -90,6 +90,14 @@ class Frols(CandidateSearch):
     identification", Int. J. Control 50 (1989) 1873-1896, doi:10.1080/00207178908953472.
     Chen, Chen, "Extended Bayesian information criteria for model selection with large model spaces", Biometrika 95
     (2008) 759-771, doi:10.1093/biomet/asn034 (here with gamma = 1).
+
+    Examples
+    --------
+    >>> u, y = np.random.default_rng(0).normal(size=300), np.zeros(300)
+    >>> for k in range(1, 300):
+    ...     y[k] = 0.5 * y[k - 1] + u[k - 1] ** 2
+    >>> print(Frols().fit(Recording.from_arrays(u, y, 0.02)).model_)
+    y(k) = 1 u(k-1)^2 + 0.5 y(k-1) + e(k)
     """
 
     max_terms: int = 15

@@ -74,12 +74,12 @@ class LassoPath(Described):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Lasso(CandidateSearch):
-    """Refit the structures along the LASSO path by least squares and keep the one with the best free run.
+    """Choose the terms of a NARX model by the LASSO and by the free-run error on held-out samples.
 
     Each recording is split. On the beginnings the regressors are standardised and the LASSO path is followed from the
-    largest penalty down (least angle regression, scikit-learn). The structure at each knot, with and without the
-    constant, is refitted by least squares, which removes the bias of the penalty. The model is the structure with the
-    smallest mean squared free-run error over the ends; its parameters are then estimated on all samples.
+    largest penalty down (least angle regression, scikit-learn). The set of terms at each knot, with and without the
+    constant, is refitted by least squares, which removes the bias of the penalty. The model is the set of terms with
+    the smallest mean squared free-run error over the ends; its parameters are then estimated on all samples.
 
     If regressors are correlated, false terms may enter the path before all true terms have entered it, so that the true
     structure is not on the path.

@@ -78,6 +78,12 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
     ------
     ModelError
         If shapes, terms or values are inconsistent, or ``theta_cov`` is not symmetric positive semidefinite.
+
+    Examples
+    --------
+    >>> model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)^2": 2.0}, sample_time=0.1)
+    >>> model.simulate([1.0, 1.0, 1.0], initial=[0.0]).outputs
+    array([[0., 2., 3.]])
     """
 
     terms: tuple[Term, ...]

@@ -24,7 +24,7 @@ _NAMED = 10  # most paths with a label of their own, as many as there are colour
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PruningStep(Described):
-    """One step of the pruning loop.
+    """One step of the pruning by `SvbNarx`.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ _USUAL_STEPS = 40  # usual number of evaluations of a search, for its progress
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class ThetaSmoother(VaryingParameters):
-    """Kalman filter and fixed-interval smoother of parameters that follow random walks.
+    """Estimator of time-varying parameters that follow random walks: Kalman filter and fixed-interval smoother.
 
     The model is theta(k+1) = theta(k) + w(k), y(k) = phi(k)'theta(k) + e(k), with the parameters theta, the regressors
     phi and the output y. The variances of the white noises w and e are estimated unless given. The filter starts at the

@@ -78,7 +78,7 @@ class VaryingParameters(NarxIdentifier):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Rls(VaryingParameters):
-    """Recursive least squares with exponential forgetting.
+    """Estimator of time-varying parameters by recursive least squares with exponential forgetting.
 
     At each sample k, the parameters theta minimise the sum over i of
     ``forgetting**(k - i) * (y(i) - phi(i)'theta)**2``, with the output y and the regressors phi. The recursion starts

@@ -54,7 +54,7 @@ class CorrelationTest:
     Parameters
     ----------
     name : str
-        Name of the test, one of `TESTS`.
+        Name of the test, such as "ue"; `Validation.test` lists them.
     output : int
         Row index of the output whose residual e is tested.
     other : int or None

@@ -27,7 +27,7 @@ _STEPS = 4  # most steps, times max_terms: a search that still changes terms the
 
 @dataclass(frozen=True, kw_only=True)
 class SempStep:
-    """One step of the search: a term is added or exchanged, and other terms may be pruned afterwards.
+    """One step of the search by `Semp`: a term is added or exchanged, and other terms may be pruned afterwards.
 
     Parameters
     ----------

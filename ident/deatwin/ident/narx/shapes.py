@@ -115,14 +115,16 @@ def register_function(name: str, function: Function, slope: Function | None = No
     slope : callable, optional
         Derivative of `function`, a function of the same kind; computed by central differences if omitted.
 
-    Notes ----- Worker processes and pickles receive the registered functions that an estimator or a model contains. Any
-    function can be sent to worker processes (``GridSearchCV(n_jobs=2)``). A pickle requires a function that is defined
-    at the top level of a module, so a lambda cannot be pickled.
-
     Raises
     ------
     ModelError
         If the name is not a word, or belongs to a built-in function.
+
+    Notes
+    -----
+    Worker processes and pickles receive the registered functions that an estimator or a model contains. Any function
+    can be sent to worker processes (``GridSearchCV(n_jobs=2)``). A pickle requires a function that is defined at the
+    top level of a module, so a lambda cannot be pickled.
 
     Examples
     --------

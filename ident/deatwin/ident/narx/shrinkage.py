@@ -27,7 +27,7 @@ class BayesianEstimate(Estimate):
 
 @dataclass(frozen=True)
 class Ridge:
-    """Ridge regression, which minimises ``mean((y - Z theta)^2) + penalty |theta|^2``.
+    """Estimator of given terms, for `Frols` and `Fixed`: minimises ``mean((y - Z theta)^2) + penalty |theta|^2``.
 
     y is the output, and the columns of Z are the regressors divided by their root mean squares. A constant regressor
     is not penalised; the other regressors are then centred. ``theta_cov`` is the posterior covariance
@@ -81,7 +81,7 @@ class Ridge:
 
 @dataclass(frozen=True)
 class Bayesian:
-    """Bayesian linear regression with the closed-form normal-gamma posterior and its marginal likelihood.
+    """Estimator of given terms, for `Frols` and `Fixed`: Bayesian linear regression with a normal-gamma posterior.
 
     The priors are ``theta | tau ~ N(0, 1/(tau alpha))`` and ``tau ~ Gam(a0, b0)``, where theta are the parameters and
     tau is the noise precision. One precision alpha holds for all regressors; each regressor is divided by the power of

@@ -33,7 +33,7 @@ _PRUNING = 0.9  # share of the progress for pruning if a clean-up follows
 
 @dataclass(frozen=True, kw_only=True)
 class CleanUpMove:
-    """One step of the final clean-up of a structure: a term is added, removed or exchanged for another.
+    """One step of the clean-up that ends the search by `SvbNarx`: a term is added, removed or exchanged for another.
 
     Parameters
     ----------

@@ -135,6 +135,11 @@ def generate_terms(
     ------
     ModelError
         If the lags or the degree are invalid, or the rule drops all terms.
+
+    Examples
+    --------
+    >>> [str(term) for term in generate_terms(output_lags=1, input_lags=1, degree=2)]
+    ['1', 'y(k-1)', 'u(k-1)', 'y(k-1)^2', 'y(k-1)u(k-1)', 'u(k-1)^2']
     """
     for name, value, least in (("degree", degree, 1), ("n_inputs", n_inputs, 0), ("n_outputs", n_outputs, 0)):
         whole_number(value, name, least)
@@ -170,7 +175,7 @@ def generate_terms(
 
 @dataclass(frozen=True, eq=False)
 class TermTable:
-    """Terms prepared for evaluation.
+    """Terms of a model, evaluated for many samples at once.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from deatwin.plant.recording import Recording
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Pnlss(StateSpaceIdentifier):
-    """Polynomial nonlinear state space, with functions as terms, fitted by its free-run error.
+    """Estimator of polynomial nonlinear state spaces, whose terms may be functions too, by the free-run error.
 
     The search starts from a linear state space. Subspace identification gives this start from the best linear
     approximation if the input is periodic, otherwise from the samples; the start is then refined by its free-run error.

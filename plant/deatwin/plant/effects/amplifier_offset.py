@@ -27,7 +27,7 @@ class AmplifierOffset(Effect):
     Parameters
     ----------
     offset : float
-        :math:`u_0` in V of the command.
+        :math:`u_0`, the offset referred to the command, V.
 
     References
     ----------

@@ -31,9 +31,9 @@ class AmplifierSaturation(Effect):
     share : float
         s, the share of the excess that is lost.
     limit : float
-        :math:`V_l` in V at the film.
+        :math:`V_l`, the voltage above which the amplifier saturates, V at the film.
     rounding : float
-        w in V at the film.
+        w, the range of voltage over which the corner is rounded, V at the film.
 
     References
     ----------

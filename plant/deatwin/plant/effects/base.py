@@ -38,14 +38,18 @@ class Place(Enum):
 
 
 class Alone(Enum):
-    """How well a single reading distinguishes an effect at a further place from other places and other effects."""
+    """How well a single reading distinguishes an effect at a further place from other places and other effects.
+
+    - ``TOLD``: the reading may distinguish the place, so a diagnosis always tries the effect there;
+    - ``AS_FIRST``: the reading is the same as with the effect at its first place, in any plant that does not depend on
+      the clock;
+    - ``AS_ANOTHER``: the reading hardly distinguishes the effect there from another effect, so a diagnosis tries the
+      place only as a replacement.
+    """
 
     TOLD = "told"
-    """One reading alone may distinguish the place, so it is tried in every diagnosis."""
     AS_FIRST = "as first"
-    """The reading is the same as with the effect at its first place, in any plant that does not depend on the clock."""
     AS_ANOTHER = "as another"
-    """One reading hardly distinguishes the effect there from another one, so the place is tried only as a replacement."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,10 +92,10 @@ class Site:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect(ABC):
-    """Physics that rewrites one signal of a plant and vanishes exactly at a strength of zero.
+    """Base class of effects: physics that changes one signal of a plant and vanishes exactly at a strength of zero.
 
-    The fields of a subclass are its physical parameters in SI units. The class variables give the name of the effect,
-    the place and signal on which the effect acts, and the parameter that is the strength of the effect.
+    The fields of a subclass are its physical parameters in SI units. The class variables `name`, `place`, `signal`
+    and `strength` give the name of the effect, where it acts, and the parameter that is its strength.
     """
 
     name: ClassVar[str]

@@ -30,7 +30,7 @@ class ChargeInjection(Effect):
     share : float
         b, the share of a lasting voltage that the space charge cancels.
     time : float
-        :math:`\tau_q` in s.
+        :math:`\tau_q`, the time constant of the injection, s.
 
     References
     ----------

@@ -36,9 +36,9 @@ class CoulombFriction(Effect):
     Parameters
     ----------
     force : float
-        :math:`F_c` in N.
+        :math:`F_c`, the friction force while the ball slides, N.
     slip : float
-        :math:`v_s` in m/s.
+        :math:`v_s`, the largest speed at which a sticking ball creeps, m/s.
 
     References
     ----------

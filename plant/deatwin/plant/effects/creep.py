@@ -31,9 +31,9 @@ class Creep(Effect):
     Parameters
     ----------
     modulus : float
-        :math:`\mu_c` in Pa.
+        :math:`\mu_c`, the shear modulus of the branch, Pa.
     time : float
-        :math:`\tau_c` in s.
+        :math:`\tau_c`, the relaxation time of the branch, s.
 
     References
     ----------

@@ -27,7 +27,7 @@ class CubicStiffness(Effect):
     Parameters
     ----------
     stiffness : float
-        :math:`k_3` in N/m³; negative for a softening spring.
+        :math:`k_3`, the coefficient of the cubic force, N/m³; negative for a softening spring.
 
     References
     ----------

@@ -44,7 +44,8 @@ class Delay(Effect):
     an `electrode_rc` or `sensor_lag` with a short time constant looks like a delay; above 5 Hz, both of them reduce the
     gain. The effect is off at :math:`\tau_d = 0`.
 
-    Further place: the ``reading``, for example of a camera. The whole reading is then delayed, except for its noise.
+    `placed` moves the delay to the ``reading``, for example of a camera. The whole reading is then delayed, except for
+    its noise.
     Within a sample, the delayed reading is computed from the polynomial through the values of the reading y at the n
     stages of the integrator. The coefficients of this polynomial follow from the moments :math:`m_j` of the reading
     over the sample (i and j run from 0 to n - 1):
@@ -62,7 +63,7 @@ class Delay(Effect):
     Parameters
     ----------
     time : float
-        :math:`\tau_d` in s.
+        :math:`\tau_d`, the dead time, s.
 
     References
     ----------

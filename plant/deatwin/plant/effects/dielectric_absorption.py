@@ -33,7 +33,7 @@ class DielectricAbsorption(Effect):
     share : float
         a, the share of the permittivity that lags.
     time : float
-        :math:`\tau` in s.
+        :math:`\tau`, the relaxation time of the slow dipoles, s.
 
     References
     ----------

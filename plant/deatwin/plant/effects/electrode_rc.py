@@ -36,7 +36,7 @@ class ElectrodeRC(Effect):
     Parameters
     ----------
     time : float
-        :math:`\tau = R(C_0 + C_p)` at rest, s.
+        :math:`\tau = R(C_0 + C_p)`, the time constant of charging at rest, s.
     film_share : float
         s, the film's share of that capacitance: 1 if the resistance is the electrode's own, 0 for an amplifier lag that
         is independent of the film. By default film and parallel capacitance count equally: metres of cable at 0.1 nF/m

@@ -33,11 +33,11 @@ class EndStop(Effect):
     Parameters
     ----------
     stiffness : float
-        k in N/m.
+        k, the stiffness of the stop, N/m.
     position : float
-        :math:`y_s` in m.
+        :math:`y_s`, the displacement at which the ball touches the stop, m.
     loss : float
-        :math:`\lambda` in s/m.
+        :math:`\lambda`, which sets the energy lost in an impact, s/m; 0 for none.
 
     References
     ----------

@@ -42,7 +42,8 @@ class Leakage(Effect):
     resistance : float
         R in Ω, in series with the film.
     field_scale : float
-        :math:`E_B` in V/m. The low-field conductivity is not a parameter, since only :math:`R\sigma_0` enters.
+        :math:`E_B`, the field over which the conductivity grows by the factor e, V/m. The low-field conductivity is not
+        a parameter, since only :math:`R\sigma_0` enters.
 
     References
     ----------

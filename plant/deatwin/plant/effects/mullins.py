@@ -24,11 +24,11 @@ class Mullins(Effect):
               T\,\dot{\hat w} = p(w - \hat w), \qquad w = \frac{E}{V_0}
 
     E is the energy of the equilibrium network of the whole film, q are the film's coordinates, and :math:`V_0` is its
-    volume. The state :math:`\hat w` (J/m³) starts at its value at rest and follows the largest w within T = 2 ms. The
-    factor :math:`\eta` (1) is a separate coordinate, so that it multiplies the stresses without being differentiated.
-    Since :math:`\eta` depends on the film's coordinates through E alone, the force is conservative below the maximum,
-    and a loop dissipates energy only when the loop raises the maximum. :math:`p(x) = x^2/(x + m/100)` above 0, else 0,
-    rounds the corner: at the maximum there is exactly no softening.
+    volume, so w is the mean energy density. The state :math:`\hat w` (J/m³) starts at its value at rest and follows the
+    largest w within T = 2 ms. The function :math:`p(x) = x^2/(x + m/100)` above 0, else 0, rounds the corner: at the
+    maximum there is exactly no softening. Since the factor :math:`\eta`, which multiplies the stresses, depends on q
+    through E alone, the force is conservative below the maximum, and a loop dissipates energy only when it raises the
+    maximum.
 
     Typical for VHB: 2 to 10 % in the first cycles. The film of a diaphragm stores 2.5 kJ/m³ more at 2 kV than at rest,
     12 kJ/m³ more at 2.6 kV, and 40 kJ/m³ more at 3 kV; a strip at a stretch of 2 stores 25 kJ/m³. Signature: the film

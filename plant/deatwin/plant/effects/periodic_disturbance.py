@@ -40,9 +40,8 @@ class PeriodicDisturbance(Effect):
 
     .. math:: y \to y + a\cos(2\pi ft + \varphi)
 
-    Further places: the ``command``, the ``force`` on the moving body, and a ``pressure``, if the rig has them. A
-    disturbance at one of these places is filtered by the plant, so that its size in the reading changes with the
-    voltage.
+    `placed` moves the disturbance to the ``command``, to the ``force`` on the moving body, or to a ``pressure``, if the
+    rig has them. The plant then filters the disturbance, so that its size in the reading changes with the voltage.
 
     The effect has no state. A tone above half the sampling rate is recorded at its alias: the mains at about 50 Hz,
     sampled at 50 Hz, appears with a period of 10 to 100 s and looks like a drift. Typical: 1 to 20 µm. Signature: one
@@ -52,9 +51,9 @@ class PeriodicDisturbance(Effect):
     Parameters
     ----------
     amplitude : float
-        a in the unit of the signal; m for a displacement.
+        a, the amplitude, in the unit of the signal; m for a displacement.
     frequency : float
-        f in Hz.
+        f, the frequency, Hz.
     phase : float
         :math:`\varphi` at time 0, rad.
 

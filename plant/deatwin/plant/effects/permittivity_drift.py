@@ -28,7 +28,7 @@ class PermittivityDrift(Effect):
     relative_change : float
         a, the final relative change.
     time : float
-        :math:`\tau` in s.
+        :math:`\tau`, the time constant of the drift, s.
 
     References
     ----------

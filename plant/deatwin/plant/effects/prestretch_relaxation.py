@@ -32,7 +32,7 @@ class PrestretchRelaxation(Effect):
     relative_loss : float
         a, the share of the tension that is finally lost.
     time : float
-        :math:`\tau` in s.
+        :math:`\tau`, the time constant of the decay, s.
 
     References
     ----------

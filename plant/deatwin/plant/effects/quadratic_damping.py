@@ -29,7 +29,7 @@ class QuadraticDamping(Effect):
     Parameters
     ----------
     coefficient : float
-        c in N s²/m².
+        c, the drag force divided by the square of the velocity, N s²/m².
 
     References
     ----------

@@ -39,9 +39,9 @@ class Relaxation(Effect):
     Parameters
     ----------
     stiffness : float
-        :math:`k_r` in N/m.
+        :math:`k_r`, the stiffness of the spring, N/m.
     time : float
-        :math:`\tau_r` in s.
+        :math:`\tau_r`, the relaxation time: damping divided by stiffness, s.
 
     References
     ----------

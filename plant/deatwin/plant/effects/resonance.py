@@ -33,11 +33,11 @@ class Resonance(Effect):
     Parameters
     ----------
     mass : float
-        :math:`m_2` in kg.
+        :math:`m_2`, the second mass, kg.
     frequency : float
-        f in Hz.
+        f, the frequency of the second mass on its spring, Hz.
     damping_ratio : float
-        :math:`\zeta`.
+        :math:`\zeta`, the damping ratio of the second mass on its spring.
 
     References
     ----------

@@ -26,7 +26,7 @@ class SensorCurvature(Effect):
     Parameters
     ----------
     curvature : float
-        :math:`\kappa` in 1/m.
+        :math:`\kappa`, the relative change of the reading per metre of reading, 1/m.
 
     References
     ----------

@@ -41,9 +41,9 @@ class SensorDrift(Effect):
 
     .. math:: y \to y + a\,(1 - e^{-t/\tau}), \qquad t \ge 0
 
-    Further places: the offset of the amplifier's ``command``, and the gains of amplifier and sensor, ``command_gain``
-    and ``reading_gain``, where the command or reading s becomes :math:`s\,[1 + a\,(1 - e^{-t/\tau})]`. A single reading
-    cannot distinguish drift of the amplifier's gain from `permittivity_drift`.
+    `placed` moves the drift to the offset of the amplifier's ``command``, or to the gain of amplifier or sensor,
+    ``command_gain`` or ``reading_gain``, where the command or reading s becomes :math:`s\,[1 + a\,(1 - e^{-t/\tau})]`.
+    A single reading cannot distinguish drift of the amplifier's gain from `permittivity_drift`.
 
     The effect has no state. Typical: micrometres to a tenth of a millimetre per hour, while the sensor head warms up or
     its mount settles. Signature: the baseline moves without a change of gain, equally at 0 V and under drive;
@@ -54,7 +54,7 @@ class SensorDrift(Effect):
     change : float
         a, the final change, in the unit of the signal; for a gain, relative to the gain.
     time : float
-        :math:`\tau` in s.
+        :math:`\tau`, the time constant of the drift, s.
 
     References
     ----------

@@ -29,7 +29,7 @@ class SensorJump(Effect):
     Parameters
     ----------
     change : float
-        a in m.
+        a, the height of the jump, m.
     at : float
         :math:`t_0`, the time of the jump on the experiment's clock, s.
     """

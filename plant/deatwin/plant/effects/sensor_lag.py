@@ -24,8 +24,8 @@ class SensorLag(Effect):
     1/4 two equal lags in series, r = 1/2 a Butterworth filter; with a larger r the sensor rings. Typical: 0.1 to 20 ms
     of averaging. Signature: like a `delay` with a roll-off above :math:`1/(2\pi\tau_s)`, but the lag acts after all
     nonlinearities, so that each harmonic lags according to its own frequency; the ball's ringing is damped in the
-    reading only. The effect is off at :math:`\tau_s = 0`, where y = x. Further place: the ``command`` of a rig without
-    a film; on a rig with a film, use `electrode_rc`.
+    reading only. The effect is off at :math:`\tau_s = 0`, where y = x. On a rig without a film, `placed` moves the lag
+    to the ``command``; on a rig with a film, use `electrode_rc` instead.
 
     Parameters
     ----------

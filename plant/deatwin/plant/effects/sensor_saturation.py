@@ -30,7 +30,7 @@ class SensorSaturation(Effect):
     share : float
         s, the share of the excess that is lost.
     limit : float
-        :math:`y_l` in m.
+        :math:`y_l`, the reading at which the sensor saturates, m.
 
     References
     ----------

@@ -31,7 +31,7 @@ class StrainStiffening(Effect):
     Parameters
     ----------
     modulus : float
-        :math:`\mu_s` in Pa.
+        :math:`\mu_s`, the shear modulus of the part of the network that stiffens, Pa.
     limit : float
         J, the largest possible :math:`I_1 - 3`.
 

@@ -39,11 +39,11 @@ class ThermalStiffness(Effect):
     Parameters
     ----------
     change_per_kelvin : float
-        :math:`k_T` in 1/K.
+        :math:`k_T`, the relative change of the stiffness per kelvin, 1/K.
     period : float
-        P in s.
+        P, the assumed period of the room temperature, s.
     phase : float
-        :math:`\varphi` in rad.
+        :math:`\varphi`, the phase of the temperature at time 0, rad.
 
     References
     ----------

@@ -88,6 +88,11 @@ def staircase(
     ------
     DataError
         If there are fewer than two levels, the range is empty, or the hold is shorter than a sample.
+
+    Examples
+    --------
+    >>> staircase(sample_time=1.0, lower=0.0, upper=2.0, levels=3, hold=1.0)
+    array([0., 1., 2., 1., 0.])
     """
     _check_range(lower, upper)
     if levels < 2:

@@ -258,12 +258,13 @@ def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
     path : str or Path
         File to write; it is written completely or not at all.
     columns : mapping of str to (n,) array_like
-        Values by header; the last part of a header is the unit of its values.
+        Values by header. End a header with an underscore and the unit, such as ``displacement_m``, so that
+        `read_recordings` knows the unit. A header must not hold a comma, a quote or a line break.
 
     Raises
     ------
     DataError
-        If the columns differ in length, or a header cannot be written in a CSV file.
+        If the columns differ in length or are not one-dimensional, or a header holds one of these characters.
     """
     values = {name: np.asarray(column, dtype=np.float64) for name, column in columns.items()}
     shapes = {column.shape for column in values.values()}

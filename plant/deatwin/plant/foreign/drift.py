@@ -28,7 +28,7 @@ class ParameterDrift(Effect):
     relative_change : float
         a, the final relative change.
     time : float
-        :math:`\tau` in s.
+        :math:`\tau`, the time constant of the drift, s.
     parameter : str
         Name of the plant's parameter that drifts. The effect's name contains the parameter's name, as in
         ``drift_of_stiffness``.

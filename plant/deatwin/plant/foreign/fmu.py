@@ -40,14 +40,15 @@ belongs to the sample that ends."""
 
 @dataclass(frozen=True, kw_only=True)
 class FmuModel:
-    """An FMU as ``model(parameters, inputs, time) -> readings``; each call creates a new instance of the FMU.
+    """An FMU (functional mock-up unit) as the callable of a `ForeignRig`; `FmuModel.of` makes it from a file.
 
-    Inputs and readings are in SI units, parameters in the units that the FMU declares.
+    The call ``model(parameters, inputs, time)`` runs a new instance of the FMU and returns its readings; `ForeignRig`
+    states types and shapes. Inputs and readings are in SI units, parameters in the units that the FMU declares.
 
     Parameters
     ----------
     path : str
-        The FMU.
+        File of the FMU.
     digest : str
         SHA-256 of the file, which identifies the version of the FMU that gave a result.
     inputs : tuple of str

@@ -20,7 +20,7 @@ class BreakdownLaw:
     field : float
         :math:`E_1`, breakdown field of an unstretched film of thickness :math:`h_1`, V/m.
     thickness : float
-        :math:`h_1` in m.
+        :math:`h_1`, the thickness for which `field` holds, m.
     thickness_power : float
         p; negative, because a thin film withstands more.
     stretch_power : float
@@ -40,16 +40,16 @@ class BreakdownLaw:
 
         Parameters
         ----------
-        thickness : symbol, float or array
+        thickness : casadi.SX, float or array
             Present thickness :math:`H/(\lambda_1\lambda_2)`, m.
-        stretch_1, stretch_2 : symbol, float or array
+        stretch_1, stretch_2 : casadi.SX, float or array
             Principal in-plane stretches. If they differ, the law uses :math:`\sqrt{\lambda_1\lambda_2}`, the equal
             stretch that thins the film as much; this is an assumption, since the films of the sources had equal
             stretches.
 
         Returns
         -------
-        symbol, float or array
+        casadi.SX, float or array
             Field, V/m.
 
         Examples

@@ -43,16 +43,16 @@ def electric_energy(stretch_1: Any, stretch_2: Any, permittivity: Any, nominal_f
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, the principal in-plane stretches.
-    permittivity : symbol or float
+    permittivity : casadi.SX or float
         :math:`\varepsilon_r`, the relative permittivity.
-    nominal_field : symbol or float
+    nominal_field : casadi.SX or float
         :math:`\tilde E`, the voltage divided by the undeformed thickness, V/m.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Co-energy density, J/m³.
 
     References
@@ -67,14 +67,14 @@ def maxwell_stress(permittivity: Symbol, field: Symbol) -> Symbol:
 
     Parameters
     ----------
-    permittivity : symbol or float
+    permittivity : casadi.SX or float
         :math:`\varepsilon_r`, relative permittivity.
-    field : symbol or float
+    field : casadi.SX or float
         E, true field, voltage divided by the present thickness, V/m.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Stress, Pa.
 
     References
@@ -96,18 +96,18 @@ def maxwell_strain(
 
     Parameters
     ----------
-    permittivity : symbol or float
+    permittivity : casadi.SX or float
         Relative permittivity :math:`\varepsilon/\varepsilon_0`, independent of strain.
-    field : symbol or float
+    field : casadi.SX or float
         E, the true field, V/m.
-    elastic_modulus : symbol or float
+    elastic_modulus : casadi.SX or float
         Y in Pa; three times the shear modulus of an incompressible film.
-    poissons_ratio : symbol or float
+    poissons_ratio : casadi.SX or float
         Poisson's ratio; one half for an incompressible film.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Strain, dimensionless, negative.
     """
     return -(1 + 2 * poissons_ratio) / 2 * maxwell_stress(permittivity, field) / elastic_modulus
@@ -121,16 +121,16 @@ def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Sy
 
     Parameters
     ----------
-    permittivity : symbol or float
+    permittivity : casadi.SX or float
         :math:`\varepsilon_r`, relative permittivity.
-    field : symbol or float
+    field : casadi.SX or float
         E, true field, V/m.
-    coefficient : symbol or float
+    coefficient : casadi.SX or float
         Q in m⁴/C²; negative if the film becomes thinner.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Strain, dimensionless.
     """
     return coefficient * (VACUUM_PERMITTIVITY * (permittivity - 1) * field) ** 2
@@ -146,16 +146,16 @@ def effective_permittivity(permittivity: Symbol, coefficient: Symbol, elastic_mo
 
     Parameters
     ----------
-    permittivity : symbol or float
+    permittivity : casadi.SX or float
         :math:`\varepsilon_r`, relative permittivity.
-    coefficient : symbol or float
+    coefficient : casadi.SX or float
         Q in m⁴/C², as in `electrostrictive_strain`.
-    elastic_modulus : symbol or float
+    elastic_modulus : casadi.SX or float
         Y of the incompressible film, Pa.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Effective relative permittivity, dimensionless.
     """
     return permittivity - elastic_modulus * coefficient * VACUUM_PERMITTIVITY * (permittivity - 1) ** 2
@@ -178,14 +178,14 @@ def electrostriction_factors(
     ----------
     permittivity : callable
         Function ``permittivity(stretch_1, stretch_2, *parameters)``.
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
-    *parameters : symbol or float
+    *parameters : casadi.SX or float
         Further arguments of `permittivity`.
 
     Returns
     -------
-    tuple of symbol
+    tuple of casadi.SX
         Factors along directions 1 and 2, dimensionless.
 
     References
@@ -208,18 +208,18 @@ def capacitance(
 
     Parameters
     ----------
-    permittivities : sequence of symbol or float
+    permittivities : sequence of casadi.SX or float
         :math:`\varepsilon_k/\varepsilon_0`, relative permittivity at each point k between the electrodes.
-    stretches : sequence of pairs of symbol or float
+    stretches : sequence of pairs of casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches at each point.
-    areas : sequence of symbol or float
+    areas : sequence of casadi.SX or float
         :math:`A_k`, reference area that each point represents, m².
-    thickness : symbol or float
+    thickness : casadi.SX or float
         Undeformed thickness H, m.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Capacitance, F.
     """
     points = zip(permittivities, stretches, areas, strict=True)
@@ -233,16 +233,16 @@ def conduction_density(field: Symbol, conductivity: Symbol = 3.23e-14, field_sca
 
     Parameters
     ----------
-    field : symbol or float
+    field : casadi.SX or float
         E, true field, V/m.
-    conductivity : symbol or float
+    conductivity : casadi.SX or float
         :math:`\sigma_0` at low field, S/m. The default is quoted from later literature and is unconfirmed.
-    field_scale : symbol or float
+    field_scale : casadi.SX or float
         :math:`E_B` in V/m. The default is from the same literature, and is unconfirmed too.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Current density, A/m².
 
     References

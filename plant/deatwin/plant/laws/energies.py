@@ -21,12 +21,12 @@ def first_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Invariant, dimensionless.
     """
     return stretch_1**2 + stretch_2**2 + 1 / (stretch_1 * stretch_2) ** 2
@@ -37,12 +37,12 @@ def second_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Invariant, dimensionless.
     """
     return first_invariant(1 / stretch_1, 1 / stretch_2)
@@ -53,14 +53,14 @@ def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> 
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
-    shear_modulus : symbol or float
+    shear_modulus : casadi.SX or float
         :math:`\mu` in Pa.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Energy per reference volume, J/m³.
     """
     return shear_modulus / 2 * (first_invariant(stretch_1, stretch_2) - 3)
@@ -71,14 +71,14 @@ def mooney_rivlin(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: S
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
-    first, second : symbol or float
+    first, second : casadi.SX or float
         :math:`C_1, C_2` in Pa.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Energy per reference volume, J/m³.
 
     References
@@ -93,14 +93,14 @@ def yeoh(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol, th
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
-    first, second, third : symbol or float
+    first, second, third : casadi.SX or float
         :math:`C_1, C_2, C_3` in Pa; published sets call them :math:`C_{10}, C_{20}, C_{30}`.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Energy per reference volume, J/m³.
 
     References
@@ -123,14 +123,14 @@ def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
-    *terms : symbol or float
+    *terms : casadi.SX or float
         Moduli in Pa and exponents in turn: :math:`\mu_1, \alpha_1, \mu_2, \alpha_2, \dots`.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Energy per reference volume, J/m³.
 
     References
@@ -148,16 +148,16 @@ def gent(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, stretch_li
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
-    shear_modulus : symbol or float
+    shear_modulus : casadi.SX or float
         :math:`\mu` in Pa.
-    stretch_limit : symbol or float
+    stretch_limit : casadi.SX or float
         :math:`J_m`, the largest possible :math:`I_1 - 3`.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Energy per reference volume, J/m³.
 
     References
@@ -183,17 +183,17 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
-    shear_modulus : symbol or float
+    shear_modulus : casadi.SX or float
         :math:`\mu` in Pa.
-    locking_stretch : symbol or float
+    locking_stretch : casadi.SX or float
         :math:`\lambda_L`, the largest chain stretch :math:`\sqrt{I_1/3}`: the square root of the number of links in a
         chain.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Energy per reference volume, J/m³.
 
     References
@@ -213,13 +213,13 @@ def maxwell_branch(elastic_1: Symbol, elastic_2: Symbol) -> Symbol:
 
     Parameters
     ----------
-    elastic_1, elastic_2 : symbol or float
+    elastic_1, elastic_2 : casadi.SX or float
         Elastic stretches :math:`\lambda_i^e = \lambda_i/\xi_i` of the spring in the branch, with the viscous stretches
         :math:`\xi_i`; :math:`I_1^e` is the first invariant of the elastic stretches.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Energy divided by the modulus, dimensionless.
 
     References

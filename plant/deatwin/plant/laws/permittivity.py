@@ -27,19 +27,19 @@ def stretched(
 
     Parameters
     ----------
-    stretch_1, stretch_2 : symbol or float
+    stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
-    permittivity : symbol or float
+    permittivity : casadi.SX or float
         :math:`\varepsilon_0^r`, relative permittivity at the stretches `from_1` and `from_2`.
-    slope : symbol or float
+    slope : casadi.SX or float
         c, relative change per unit of stretch; zero or negative.
-    from_1, from_2 : symbol or float
+    from_1, from_2 : casadi.SX or float
         :math:`\lambda_{01}, \lambda_{02}`, stretches at which `permittivity` holds: 1 for the unstretched tape, the
         prestretch for a value measured on a film in its frame.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Relative permittivity.
 
     References
@@ -54,18 +54,18 @@ def relaxing(time: Symbol, permittivity: Symbol, relative_change: Symbol, time_c
 
     Parameters
     ----------
-    time : symbol or float
+    time : casadi.SX or float
         t, time since the relaxation began, s; before the relaxation, the permittivity has its first value.
-    permittivity : symbol or float
+    permittivity : casadi.SX or float
         First relative permittivity.
-    relative_change : symbol or float
+    relative_change : casadi.SX or float
         a, the final change divided by the first value; above -1.
-    time_constant : symbol or float
+    time_constant : casadi.SX or float
         :math:`\tau` in s.
 
     Returns
     -------
-    symbol or float
+    casadi.SX or float
         Relative permittivity.
     """
     return permittivity * (1 + relative_change * (1 - ca.exp(-ca.fmax(time, 0.0) / time_constant)))

@@ -34,14 +34,16 @@ SOLVED = 1e-6  # Accuracy of a simulation as a share of the motion; recordings w
 
 
 class ReadingTime(Enum):
-    """Time within a sample at which the reading is taken."""
+    """Time at which the reading in a row of a recording is taken, relative to the command in the same row.
+
+    - ``START_OF_HOLD``: at the instant at which the row's command is applied;
+    - ``END_OF_HOLD``: when the row's command has acted for a whole sample;
+    - ``MEAN_OVER_HOLD``: the mean over the time for which the row's command is held, as averaging loggers give it.
+    """
 
     END_OF_HOLD = "end of hold"
-    """The row's command has acted for a whole sample when the row's reading is taken."""
     START_OF_HOLD = "start of hold"
-    """The row's reading is taken at the instant at which the row's command is applied."""
     MEAN_OVER_HOLD = "mean over the hold"
-    """The row's reading is the mean over the time for which the row's command is held, as averaging loggers give it."""
 
     @property
     def other_end(self) -> ReadingTime:
@@ -79,7 +81,7 @@ class StartProcedure:
 
 @dataclass(frozen=True, kw_only=True)
 class Rig(ABC):
-    """Kinematics, loads, drive and sensor of an experiment.
+    """Base class of experimental set-ups, each with its kinematics, loads, drive and sensor.
 
     Parameters
     ----------

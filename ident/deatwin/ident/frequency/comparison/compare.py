@@ -44,14 +44,14 @@ class Agreement(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """Difference between two frequency responses, for one order and one band.
+    """Difference between two frequency responses for one order and one band: one entry of a `Comparison`.
 
     Parameters
     ----------
     first, second : str
         Names of the two responses.
     order : int
-        Order n of H_n.
+        Order n of the generalised frequency response H_n (`gfrf`).
     from_Hz, to_Hz : float
         Edges of the band of output frequencies, Hz.
     test : Equality
@@ -103,7 +103,7 @@ class Drift:
     name : str
         Name of the record.
     order : int
-        Order n of H_n.
+        Order n of the generalised frequency response H_n (`gfrf`).
     from_Hz, to_Hz : float
         Edges of the band of output frequencies, Hz.
     test : Equality

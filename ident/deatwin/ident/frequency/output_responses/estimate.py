@@ -65,7 +65,7 @@ def nofrf(
         Number of orders to fit, up to 20. By default the smallest number, from ``order`` to ``order`` + 4, whose
         prediction error at left-out levels is at most twice the smallest of these errors.
     operating_input : float, optional
-        Constant input about which the model is analysed, in its unit; the centre of the training data by default.
+        Constant input about which the model is analysed, in its unit; the mean of the training inputs by default.
 
     Warns
     -----
@@ -124,7 +124,7 @@ def nofrf_exact(
         Order n, at least 1; with several inputs, a mapping of each input's name to its power, as
         ``{"u1": 1, "u2": 1}``; an input that is not named has power 0.
     operating_input : float, or array_like of shape (n_inputs,), optional
-        Constant input about which the model is analysed, in its unit; the centre of the training data by default.
+        Constant input about which the model is analysed, in its unit; the mean of the training inputs by default.
 
     Returns
     -------

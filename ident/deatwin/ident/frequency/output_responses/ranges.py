@@ -46,6 +46,11 @@ def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None
     References
     ----------
     Lang, Billings, "Output frequencies of nonlinear systems", Int. J. Control 67 (1997) 713-730.
+
+    Examples
+    --------
+    >>> output_frequencies([1.0, 2.0], order=2).tolist()
+    [[0.0, 1.0], [2.0, 4.0]]
     """
     order = whole_order(order)
     low, high = checked_band(band, "rad/s")

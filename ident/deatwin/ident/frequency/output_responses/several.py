@@ -42,7 +42,7 @@ def nofrf_of_inputs(
     order : int
         Largest total order of the responses, which is the sum of the powers of all inputs; at least 1.
     operating_input : array_like, shape (n_inputs,), optional
-        Constant inputs about which the model is analysed, in their units; the centre of the training data by default.
+        Constant inputs about which the model is analysed, in their units; the mean of the training inputs by default.
 
     Returns
     -------

@@ -101,7 +101,7 @@ class Uncertain(Described, Frozen, ABC):
 
     @abstractmethod
     def joint_covariance(self) -> Array:
-        """Return the covariance of all real, then all imaginary parts, (2n, 2n); ModelError above 2 GiB."""
+        """Return the covariance of all real, then all imaginary parts, (2n, 2n); above 2 GiB, raise ModelError."""
 
     @abstractmethod
     def gain_band(self, level: float | None = None) -> Band:

@@ -57,7 +57,7 @@ class SampleStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sampled(Uncertain):
-    """Draws of a frequency response.
+    """Draws of a frequency response from the posterior of its parameters, as `sample` returns them.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ def tv_gfrf(
         Increasing times, s; each uses the parameters of the nearest time of the trajectory. By default the times of the
         trajectory, thinned evenly to at most 200.
     operating_input : array_like, shape () or (n_times,), optional
-        Constant input, or one for each time, in its unit; the centre of the training data by default.
+        Constant input, or one for each time, in its unit; the mean of the training inputs by default.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1, and the name of the current step.
 
@@ -111,7 +111,7 @@ def tv_output_spectrum(
     timepts : array_like, shape (n_times,), optional
         Increasing times, s; see `tv_gfrf`.
     operating_input : array_like, shape () or (n_times,), optional
-        Constant input, or one for each time, in its unit; the centre of the training data by default.
+        Constant input, or one for each time, in its unit; the mean of the training inputs by default.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1, and the name of the current step.
 
@@ -157,7 +157,7 @@ def tv_nofrf(
     timepts : array_like, shape (n_times,), optional
         Increasing times, s; see `tv_gfrf`.
     operating_input : array_like, shape () or (n_times,), optional
-        Constant input, or one for each time, in its unit; the centre of the training data by default.
+        Constant input, or one for each time, in its unit; the mean of the training inputs by default.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1, and the name of the current step.
 

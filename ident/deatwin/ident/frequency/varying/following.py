@@ -51,7 +51,7 @@ def hold_equilibrium(
     output : float
         Output at the equilibrium at all times, in its unit.
     operating_input : float, optional
-        Constant input at the equilibrium, in its unit; the centre of the training data by default.
+        Constant input at the equilibrium, in its unit; the mean of the training inputs by default.
 
     Returns
     -------

@@ -55,7 +55,7 @@ _DECADES = 20.0  # ratio of the highest to the lowest frequency above which the 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VaryingResponse(Described, Frozen):
-    """Response H_n, G_n or Y_n over time, computed with the parameters and the operating input frozen at each time.
+    """Response H_n, G_n or Y_n (see `FrequencyResponse`) over time, with parameters and input frozen at each time.
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ class LinearIdentifier(Identifier):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Arx(LinearIdentifier):
-    """A y(k) = sum_i B_i u_i(k) + e(k) + offset, by least squares (QR).
+    """Estimator of ARX models A y(k) = sum_i B_i u_i(k) + e(k) + offset, by least squares (QR).
 
     The polynomials A and B_i are those of `LinearModel`, and e is white noise.
 
@@ -142,7 +142,7 @@ class Arx(LinearIdentifier):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Armax(LinearIdentifier):
-    """A y(k) = sum_i B_i u_i(k) + C e(k) + offset, by prediction-error minimisation.
+    """Estimator of ARMAX models A y(k) = sum_i B_i u_i(k) + C e(k) + offset, by prediction-error minimisation.
 
     The polynomials A, B_i and C are those of `LinearModel`, and e is white noise. The search (Gauss-Newton in a trust
     region, exact gradients) is run from two starts: the regression on the errors of a long ARX model, and the ARX model
@@ -175,7 +175,7 @@ class Armax(LinearIdentifier):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class OutputError(LinearIdentifier):
-    """y(k) = sum_i (B_i/F_i) u_i(k) + e(k) + offset, by prediction-error minimisation.
+    """Estimator of output-error models y(k) = sum_i (B_i/F_i) u_i(k) + e(k) + offset, by prediction errors.
 
     The polynomials B_i and F_i are those of `LinearModel`, and e is white noise. The search is run from two starts: an
     ARX model, and a long ARX model reduced by the method of Steiglitz and McBride. The result with the smaller error is
@@ -206,7 +206,7 @@ class OutputError(LinearIdentifier):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class BoxJenkins(LinearIdentifier):
-    """y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset, by prediction-error minimisation.
+    """Estimator of Box-Jenkins models y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset, by prediction errors.
 
     The polynomials B_i, F_i, C and D are those of `LinearModel`, and e is white noise. The search has the two starts of
     `OutputError`, with C and D estimated from the residual of the output-error model.

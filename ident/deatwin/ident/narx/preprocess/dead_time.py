@@ -72,7 +72,7 @@ class DeadTimeStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DeadTime:
-    """Estimated dead time from one input to one output.
+    """Estimated dead time from one input to one output, as `estimate_dead_time` returns it.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ class SectionStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class StationarityTest:
-    """Result of one test of one statistic of one signal.
+    """Result of one test of `stationarity_tests`, for one statistic of one signal.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class StationarityTest:
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """Consecutive segments of a recording.
+    """Consecutive segments of a recording that passed the tests of `choose_sections`.
 
     Parameters
     ----------
