@@ -7,8 +7,9 @@ import sys
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing
+from functools import wraps
 from multiprocessing import active_children, current_process
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -16,7 +17,21 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.interrupts import ignore_interrupts, interrupts_held
 
 Result = TypeVar("Result")
+Arguments = ParamSpec("Arguments")
 PARENT = os.getppid()  # Parent process; of a worker, the one that wants its results
+
+
+def one_thread(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Return a function that takes one BLAS thread, because on tall and narrow matrices more only wait for each other."""
+
+    @wraps(function)
+    def in_one_thread(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        from threadpoolctl import threadpool_limits
+
+        with threadpool_limits(1):
+            return function(*args, **kwargs)
+
+    return in_one_thread
 
 
 def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:

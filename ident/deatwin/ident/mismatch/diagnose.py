@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from deatwin.ident.greybox.parts import free_run_residuals
 from deatwin.ident.mismatch.advise.advise import advise
@@ -36,7 +35,7 @@ from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, 
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.ident.mismatch.verify.standing import first_that_stands
 from deatwin.ident.mismatch.verify.verification import Verification
-from deatwin.ident.parallel import spawn_generators
+from deatwin.ident.parallel import one_thread, spawn_generators
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
@@ -44,7 +43,7 @@ from deatwin.plant.recording import Experiment, Recording
 Progress = Callable[[float, str], None]
 
 
-@threadpool_limits.wrap(limits=1)  # tall and narrow matrices, for which more threads only wait for each other
+@one_thread
 def diagnose(
     plant: Plant,
     experiments: Experiment | Recording | Sequence[Experiment | Recording],

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
@@ -22,7 +21,7 @@ from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors, tak
 from deatwin.ident.mismatch.naming.screen import response, shapes_of
 from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen, TellingReading
 from deatwin.ident.mismatch.plan.seen import Change, distances, smallest
-from deatwin.ident.parallel import run_jobs
+from deatwin.ident.parallel import one_thread, run_jobs
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import DataError, SimulationError
@@ -42,7 +41,7 @@ TINY = 1e-300
 Progress = Callable[[float, str], None]
 
 
-@threadpool_limits.wrap(limits=1)  # tall and narrow matrices, for which more threads only wait for each other
+@one_thread
 def plan_experiment(
     plant: Plant,
     commands: Recording | None = None,
