@@ -33,6 +33,11 @@ class OwnErrors:
         """Clock times of all samples, shape (n,), s."""
         return self._joined([one.times for one in self.of])
 
+    @property
+    def records(self) -> np.ndarray:
+        """Return the number of the recording and reading of each sample, shape (n,)."""
+        return self._joined([one.records for one in self.of])
+
     @cached_property
     def columns(self) -> np.ndarray:
         """Return the repeatable error of each reading, shape (n, k): each column is nonzero in one reading only."""

@@ -133,9 +133,8 @@ class Candidate:
     @property
     def readings_of_pieces(self) -> tuple[str, ...]:
         """Name of the reading in each of the `pieces`; empty if there is only one reading."""
-        names = self.readings or ("",) * len(self.sizes)
-        parts = zip(*self.sizes, strict=True)
-        return tuple(name for part in parts for name, size in zip(names, part, strict=True) if size)
+        pairs = (zip(self.readings, part, strict=True) for part in zip(*self.sizes, strict=True) if self.readings)
+        return tuple(name for part in pairs for name, size in part if size)
 
     @property
     def losses(self) -> np.ndarray:

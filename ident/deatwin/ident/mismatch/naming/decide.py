@@ -262,7 +262,8 @@ def with_distances(
 ) -> Naming:
     """Add, as alternatives, `possible` explanations that these inputs cannot distinguish from the best one.
 
-    An alternative that is `refuted` by the best one is not added. New distances d² are added to `known`, because decisions come back to the same fits.
+    An alternative that is `refuted` by the best one is not added. New distances d² are added to `known`, because
+    decisions come back to the same fits.
     """
     # Explanations that are worse by more than the model error are not added, nor are those with a far smaller prior
     # probability: the gain of an amplifier hardly drifts by a tenth.

@@ -44,7 +44,7 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     elsewhere = [alternative for alternative in naming.alternatives if not search.is_own(alternative)]
     if not alone:
         search.screen(first.effects)
-    scale = Scale(problem=search.problem, base=search.tried[()], noise=search.noise)
+    scale = search.scale
     search.with_each(_promising(search, scale))
     odds = _odds(search, scale, first)
     if (best := _likeliest(odds, 0.0)) is not None:
@@ -95,7 +95,7 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
     pair = None if naming.best is None else search.tried.get(naming.best.effects)
     if pair is None or len(pair.effects) != 2:
         return naming
-    scale = Scale(problem=search.problem, base=search.tried[()], noise=search.noise)
+    scale = search.scale
     possible = sorted(filter(search.is_possible, _single_effects(search)), key=lambda c: -scale.weight(c))
     possible = [c for c in possible if errs_by_its_law(c, search.tried[()])]
     asked = [c for k, c in enumerate(possible) if k == 0 or c.effects[0] in pair.effects]

@@ -47,6 +47,7 @@ class Tried:
         self.tried: dict[Names, Candidate] = {(): base}
         self.lost: list[str] = []
         self._distances: Distances = {}
+        self._scale: tuple[tuple[float, int], Scale] | None = None
         self.unscreened: list[str] = []
 
     @property
@@ -58,6 +59,15 @@ class Tried:
     @property
     def noise(self) -> float:
         return self.tried[()].noise
+
+    @property
+    def scale(self) -> Scale:
+        """The likelihood of candidates with the present base fit and noise; it keeps what it has computed."""
+        base = self.tried[()]
+        key = self.noise, id(base.calibration)  # the scale holds the base, so the id stays valid
+        if self._scale is None or self._scale[0] != key:
+            self._scale = key, Scale(problem=self.problem, base=base, noise=self.noise)
+        return self._scale[1]
 
     def best_of(self, stage: Sequence[Names]) -> Names | None:
         """Return the set of a `stage` with the most evidence; None if the stage is empty."""
@@ -196,7 +206,7 @@ class Tried:
 
     def with_distances(self, naming: Naming, competing: Sequence[Candidate]) -> Naming:
         """Add to a decision the `competing` candidates that these inputs cannot distinguish from its best."""
-        scale = Scale(problem=self.problem, base=self.tried[()], noise=self.noise)
+        scale = self.scale
         return with_distances(
             naming,
             competing,

@@ -167,29 +167,22 @@ class Scale:
         """Return the expected law error of one effect along the response of the second one, (n, k)."""
         does, sizes = alone.contribution, self._missed(alone)
         apart = alone.calibration.residuals - pair.calibration.residuals
-        if not np.isfinite(does).all() or not does.any():
+        if not _is_known(does):
             return structured.known(apart[:, None], sizes[:1])
-        basis = structured.law(does, self.error.times, self._records, level_of(self.problem.fitted))
+        basis = structured.law(does, self.error.times, self.error.records, level_of(self.problem.fitted))
         own = basis @ (basis.T @ apart)
         return np.column_stack([structured.known(own[:, None], sizes[:1]), self._rest(apart - own, alone)])
 
     def _rest(self, direction: np.ndarray, alone: Candidate) -> np.ndarray:
         """Return the expected law error of one effect along a direction, (n,), that no other law of it would cause."""
         error, does = structured.known(direction[:, None], self._missed(alone)[1:])[:, 0], alone.contribution
-        known = np.isfinite(does).all() and does.any()  # without the effect the plant may have no equilibrium
-        return structured.limited(error, does, self._pieces) if known else error
-
-    @cached_property
-    def _records(self) -> np.ndarray:
-        """Return the number of the recording and reading of each fitted sample, (n,)."""
-        parts = self.problem.fitted
-        return np.repeat(np.arange(len(parts)), [part.size for part in parts])
+        return structured.limited(error, does, self._pieces) if _is_known(does) else error
 
     @cached_property
     def _pieces(self) -> list[slice]:
         """Return the stretches of fitted samples of one reading without a gap."""
         steps = np.diff(self.error.times)
-        apart = (np.abs(steps - np.median(steps)) > GAP * np.median(steps)) | (np.diff(self._records) > 0)
+        apart = (np.abs(steps - np.median(steps)) > GAP * np.median(steps)) | (np.diff(self.error.records) > 0)
         ends = [*(1 + np.flatnonzero(apart)), self.error.times.size]
         return [slice(int(a), int(b)) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
 
@@ -254,6 +247,11 @@ def _gain(along: float, square: float, deviation: float, one_sided: bool) -> flo
     width = square + deviation**-2
     gain = 0.5 * (along**2 / width - float(np.log(deviation**2 * width)))
     return gain + (float(np.log(2.0) + log_ndtr(along / np.sqrt(width))) if one_sided else 0.0)
+
+
+def _is_known(contribution: np.ndarray) -> bool:
+    """Return whether an effect's contribution is known; without the effect the plant may have no equilibrium."""
+    return bool(np.isfinite(contribution).all() and contribution.any())
 
 
 def _rms(values: np.ndarray) -> float:

@@ -86,7 +86,7 @@ class GivenScale:
 
 @pytest.fixture(autouse=True)
 def scale(monkeypatch):
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.pairs.Scale", GivenScale)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.Scale", GivenScale)
     return lambda **known: [monkeypatch.setattr(GivenScale, name, value) for name, value in known.items()]
 
 
