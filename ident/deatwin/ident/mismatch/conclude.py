@@ -52,7 +52,7 @@ def conclude(findings: Findings) -> Diagnosis:
         noise=base.noise,
         model_error=_left(findings),
         names=findings.final.names,
-        covariance=findings.final.covariance,
+        covariance=findings.intervals.covariance,
         provenance={"verdict": findings.verdict.value},
     )
     causes = _causes(findings) if findings.named else ()
@@ -100,7 +100,7 @@ def conclude(findings: Findings) -> Diagnosis:
         verification=findings.verification.summary if findings.verification.ablations else None,
         faults=faults_of(findings.checked),
         taught=taught(findings),
-        parameters=fitted_parameters(findings.problem.nominal, findings.calibrated),
+        parameters=fitted_parameters(findings.problem.nominal, findings.base_intervals),
         forms=variants_tried(findings.problem, base),
         model=model,
         base_model=_base_model(findings),
@@ -374,7 +374,7 @@ def _candidates(findings: Findings) -> tuple[CandidateSummary, ...]:
 
 
 def _base_model(findings: Findings) -> CalibratedPlant:
-    calibration = findings.calibrated
+    calibration = findings.base_intervals
     return CalibratedPlant(
         plant=calibration.plant,
         noise=findings.base.noise,

@@ -86,12 +86,18 @@ class Findings:
 
     @cached_property
     def intervals(self) -> Calibration:
-        """The answer with a covariance that also includes the plant's model error.
+        """The answer with a covariance that also includes the plant's model error."""
+        return self._with_own_errors(self.final)
 
-        Repeatable model errors bias a fit in the same way in every recording, so residuals do not show them. Their sizes are
-        those that the likelihood expects.
-        """
-        fit, whole = self.final, self.problem.everything
+    @cached_property
+    def base_intervals(self) -> Calibration:
+        """The base plant as reported, with such a covariance."""
+        return self.intervals if self.calibrated is self.final else self._with_own_errors(self.calibrated)
+
+    def _with_own_errors(self, fit: Calibration) -> Calibration:
+        # Repeatable model errors bias a fit in the same way in every recording, so residuals do not show them. Their
+        # sizes are those that the likelihood expects.
+        whole = self.problem.everything
         parts = whole if fit.residuals.size == sum(part.size for part in whole) else self.problem.fitted
         rig, readings = self.problem.nominal.rig, readings_of_fit(parts, fit.residuals)
         own = own_errors(rig, parts, readings, self.base.noise, self.problem.expected_error)

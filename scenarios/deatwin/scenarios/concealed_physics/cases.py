@@ -21,11 +21,15 @@ VISIBLE = 0.3
 
 _FILE: dict[str, Any] = tomllib.loads(files(__package__).joinpath("key.toml").read_text(encoding="utf-8"))
 _INSIDE, _OUTSIDE, _GROUPS = _FILE["inside"], _FILE["outside"], _FILE["group"]
+DIRT: dict[str, str] = {mechanism: known["because"] for mechanism, known in _FILE["dirt"].items()}
+"""Imperfections that every laboratory has, and why they are no missing physics."""
 
 KEY: dict[str, tuple[str, ...]] = {mechanism: tuple(known["names"]) for mechanism, known in _INSIDE.items()}
 """Catalogue names of each mechanism, the canonical name first."""
 OUTSIDE: dict[str, str] = {mechanism: known["because"] for mechanism, known in _OUTSIDE.items()}
 """Mechanisms outside the catalogue, and why no effect of it describes them."""
+RANDOM = frozenset(mechanism for mechanism, known in _OUTSIDE.items() if known.get("random"))
+"""Those of them that are random: `disturbance` is right as well as `unknown`."""
 REACH: dict[str, float] = {mechanism: known["reach"] for mechanism, known in (_INSIDE | _OUTSIDE).items()}
 SHOWN_BY: dict[str, str] = {mechanism: known["shown_by"] for mechanism, known in _INSIDE.items() if "shown_by" in known}
 """The only waveform under which a mechanism reaches so far."""
@@ -51,12 +55,24 @@ def key_dict() -> dict[str, Any]:
         "key": {name: list(names) for name, names in KEY.items()},
         "reasons": reasons,
         "outside": dict(OUTSIDE),
+        "random": sorted(RANDOM),
+        "dirt": dict(DIRT),
         "reach": dict(REACH),
         "ties": [[waveform, list(names), mechanism, why] for waveform, names, mechanism, why in TIES],
     }
 
 
-LADDER = (0.3, 0.5, 0.9, 1.6, 2.8, 5.0)  # Strengths of the cases of an effect, structural residual over noise
+LADDER = (
+    0.1,
+    0.15,
+    0.2,
+    0.3,
+    0.5,
+    0.9,
+    1.6,
+    2.8,
+    5.0,
+)  # Strengths of the cases of an effect, structural residual over noise
 PAIR_RATIOS, PAIR_NOISE_SHARES = (0.9, 2.5), (0.01, 0.025)
 """Each of two mechanisms is to reach 0.7 within the tolerance of its strength."""
 OUTSIDE_RATIOS, TIE_RATIOS = (0.4, 4.0), (0.7, 3.0)
@@ -75,6 +91,7 @@ class Size:
     pairs: int  # Cases with two effects
     ties: int  # Cases with poor input
     draws: int  # Fits of each effect whose intervals are tried
+    dirt: int = 0  # Cases without an effect in which the laboratory is not perfect
     ladder: tuple[float, ...] = LADDER
     seconds: float = SECONDS  # Length of a case's recordings together, s
     check_seconds: float = CHECK_SECONDS  # Length of its check record, s
@@ -110,8 +127,8 @@ SIZES: Mapping[str, Size] = {
         check_seconds=120.0,
         excitation="noise+holds",
     ),
-    "standard": Size(clean=150, effects=6, outside=40, pairs=40, ties=24, draws=12),
-    "full": Size(clean=300, effects=12, outside=80, pairs=80, ties=48, draws=24),
+    "standard": Size(clean=150, effects=9, outside=40, pairs=40, ties=24, draws=6, dirt=30),
+    "full": Size(clean=300, effects=18, outside=80, pairs=80, ties=48, draws=12, dirt=60),
 }
 
 
@@ -133,7 +150,7 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     clean = [_given(f"clean-{k + 1:03d}", "clean", (), 0.0) for k in range(of.clean)]
     easy = rng.choice(_seen_well(of.library), of.effects, replace=False) if of.library else ()
     effects = [_effect(str(name), 0, 2.8) for name in easy] if of.library else _effects(of, rng)
-    several = [*clean, *effects, *_outside(of, rng), *_pairs(of, rng), *_ties(of, rng)]
+    several = [*clean, *_dirt(of), *effects, *_outside(of, rng), *_pairs(of, rng), *_ties(of, rng)]
     first = (seed + 1) * 1_000_000  # a block of seeds for each study
     return tuple(
         CaseSpec(seed=first + k, form=of.form, library=of.library, **_recorded(given, of.excitation, rng))
@@ -187,6 +204,13 @@ def _effects(of: Size, rng: np.random.Generator) -> Iterator[Given]:
 
 def _effect(name: str, k: int, ratio: float, **more: Any) -> Given:
     return _given(f"{KEY[name][0].replace('_', '-')}-{k + 1:02d}", "effect", (name,), ratio, **more)
+
+
+def _dirt(of: Size) -> Iterator[Given]:
+    """List clean cases with each imperfection alone, and with all together."""
+    kinds = [*((name,) for name in DIRT), tuple(DIRT)]
+    for k in range(of.dirt):
+        yield _given(f"dirt-{k + 1:02d}", "dirt", kinds[k % len(kinds)], 0.0)
 
 
 def _outside(of: Size, rng: np.random.Generator) -> Iterator[Given]:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 WORDS = Words(__package__)
 KINDS = {
     "clean": "nothing concealed",
+    "dirt": "nothing concealed, imperfect laboratory",
     "effect": "one effect",
     "pair": "two effects",
     "outside": "outside the catalogue",
@@ -86,6 +87,7 @@ def tables(study: Opened) -> list[Table]:
     made = [
         _verdicts(study),
         _effects(study),
+        _half(study),
         _outside(study),
         _pairs(study),
         _ties(study),
@@ -129,6 +131,29 @@ def _effects(study: Opened) -> Table:
     return WORDS.table("effects", rows)
 
 
+def _half(study: Opened) -> Table:
+    rows = []
+    for family in Family:
+        cases = [case for case in study.of("effect") if effect_named(case.truth[0]).family is family]
+        at = half_named([case.ratio for case in cases], [case.first_right for case in cases])
+        rows.append([family.value, str(len(cases)), "–" if at is None else three_digits(at)])
+    return WORDS.table("half", rows)
+
+
+def half_named(ratios: Sequence[float], right: Sequence[bool]) -> float | None:
+    """Return the ratio at which a logistic curve in its logarithm, fitted by maximum likelihood, passes one half; None
+    if the answers do not determine it.
+    """
+    from scipy.optimize import minimize
+
+    seen = np.array(ratios) > 0.0
+    places, signs = np.log(np.array(ratios)[seen]), np.where(np.array(right, dtype=bool)[seen], 1.0, -1.0)
+    if not (signs > 0).any() or not (signs < 0).any():
+        return None
+    found = minimize(lambda b: np.logaddexp(0.0, -signs * (b[0] + b[1] * places)).sum() + 1e-3 * b[1] ** 2, [0.0, 1.0])
+    return float(np.exp(-found.x[0] / found.x[1])) if found.x[1] > 0.0 else None
+
+
 def _mark(case: Case) -> str:
     if case.verdict == "named":
         return "✓" if case.named_right else "✗"
@@ -141,12 +166,12 @@ def _mark(case: Case) -> str:
 
 def _outside(study: Opened) -> Table:
     def mark(case: Case) -> str:
-        return "✗" if case.causes else {"unknown": "✓", "none": "–", "parameters": "–"}.get(case.verdict, "·")
+        return "✗" if case.causes else "✓" if case.right_unknown else "–" if not case.detected else "·"
 
     rows = []
     for name, cases in _grouped(study.of("outside"), lambda case: case.mechanisms[0]).items():
         stated = Counter("+".join(case.causes) for case in cases if case.causes)
-        unknown = sum(case.verdict == "unknown" for case in cases)
+        unknown = sum(case.right_unknown for case in cases)
         counts = map(str, (len(cases), sum(case.detected for case in cases), unknown, stated.total()))
         which = ", ".join(f"{causes} {count}" for causes, count in stated.most_common())
         rows.append([plain(name), *counts, which, _each(cases, mark)])
@@ -196,7 +221,7 @@ def _reach() -> Table:
     return WORDS.table("reach", rows)
 
 
-RUNGS = (0.0, 0.15, 0.39, 0.67, 1.2, 2.1, 3.7, np.inf)
+RUNGS = (0.0, 0.12, 0.17, 0.24, 0.39, 0.67, 1.2, 2.1, 3.7, np.inf)
 """Ends of the classes of structural residual over noise, halfway between the strengths of the cases."""
 ANSWERS: dict[str, tuple[Callable[[Case], bool], str, str]] = {
     "detected": (lambda c: c.detected, Hue.MEASURED, "s"),

@@ -40,13 +40,15 @@ class Case:
     inside: bool  # The answer holds a right name for every mechanism
     all_named: bool  # The causes hold a right name for every mechanism, and the verdict claims no more to be missing
     named_right: bool  # The verdict is named, with a right name for every mechanism and no other cause
-    nearest: float  # Distance d² to the nearest rival that the diagnosis states; infinite where it states none
+    apart: float  # d² between the true effect and the best imitation of it, with the plant's own error; 0 if unknown
+    apart_in_noise: float  # The same with the sensor's noise alone
+    right_unknown: bool  # The verdict is `unknown`, or `disturbance` where the mechanism is random
     resolved: bool  # The advised experiment let the diagnosis name what is right, alone
     heavier: bool  # The advised experiment was diagnosed with a mass added and the tied effects as catalogue
     sparse_right: bool  # The strongest term of the sparse dynamics may stand for what is right
     errors: Mapping[str, float]  # Rms errors on the check record by who made them, SI; of those that could follow
     stated: tuple[tuple[float, bool], ...]  # Probability of each cause, and whether it is right
-    covered: tuple[bool, ...]  # Whether the 95 % interval of each parameter that has a true value holds it
+    covered: tuple[tuple[str, bool], ...]  # Parameters that have a true value, and whether their 95 % interval holds it
     advised: str  # What the advised experiment came to; empty where none was run
     again: bool  # It was diagnosed
     lost: frozenset[str]  # Models of the residual that diverged or failed
@@ -80,8 +82,8 @@ def open_key(store: CaseStore, key: Mapping[str, Any]) -> Opened:
     cases = [(spec, result) for spec, result in results if spec["kind"] != "interval"]
     fits = [result for spec, result in results if spec["kind"] == "interval"]
     return Opened(
-        cases=tuple(_case(spec, result, key["names"]["key"]) for spec, result in cases),
-        intervals=tuple(held for result in fits for held in _covered(result)),
+        cases=tuple(_case(spec, result, key["names"]) for spec, result in cases),
+        intervals=tuple(held for result in fits for _, held in _covered(result)),
         failures={spec["name"]: result["message"] for spec, result in results if result["status"] != "done"},
         seconds=tuple(float(result.get("seconds_in_all", 0.0)) for _, result in cases),
         planned=len(key["cases"]),
@@ -89,16 +91,17 @@ def open_key(store: CaseStore, key: Mapping[str, Any]) -> Opened:
     )
 
 
-def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str, Sequence[str]]) -> Case:
+def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str, Any]) -> Case:
     diagnosis, again = result.get("diagnosis") or {}, result.get("advised") or {}
     stated, verdict = diagnosis.get("causes", ()), str(diagnosis.get("verdict", "error"))
     causes = tuple(cause["effect"] for cause in stated)
     answer = frozenset((*causes, *diagnosis.get("set", ())))
-    accepted = [frozenset(names.get(mechanism, ())) for mechanism in spec["effects"]]
+    accepted = [frozenset(names["key"].get(mechanism, ())) for mechanism in spec["effects"]]
     right: frozenset[str] = frozenset().union(*accepted)
     wrong = any(cause not in right for cause in causes)
     all_named = bool(accepted) and all(one & set(causes) for one in accepted) and verdict != "partly"
-    near = (float(pair["d2"]) for pair in diagnosis.get("indistinguishable", ()) if pair["d2"] is not None)
+    apart = result.get("apart") or {}
+    random = not set(spec["effects"]).isdisjoint(names["random"])
     later = {cause["effect"] for cause in again.get("causes", ())}
     baselines = result.get("baselines", {})
     errors = {**result.get("check", {}), **{name: made["rms"] for name, made in baselines.items()}}
@@ -120,7 +123,9 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
         inside=bool(accepted) and all(one & answer for one in accepted),
         all_named=all_named,
         named_right=verdict == "named" and all_named and not wrong,
-        nearest=min(near, default=float("inf")),
+        apart=float(apart.get("error", 0.0)),
+        apart_in_noise=float(apart.get("noise", 0.0)),
+        right_unknown=verdict == "unknown" or (random and verdict == "disturbance"),
         resolved=again.get("verdict") == "named" and bool(later) and later <= right,
         heavier="verdict" in again and (diagnosis.get("next_experiment") or {}).get("added_mass_g") is not None,
         sparse_right=bool(TERM_NAMES.get(baselines.get("pysindy", {}).get("term", ""), frozenset()) & right),
@@ -133,9 +138,9 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
     )
 
 
-def _covered(result: Mapping[str, Any]) -> tuple[bool, ...]:
-    """Return whether the interval of each parameter that has a true value holds it."""
-    return tuple(row["low"] <= row["true"] <= row["high"] for row in result.get("parameters", ()))
+def _covered(result: Mapping[str, Any]) -> tuple[tuple[str, bool], ...]:
+    """Return each parameter that has a true value, and whether its interval holds it."""
+    return tuple((row["name"], row["low"] <= row["true"] <= row["high"]) for row in result.get("parameters", ()))
 
 
 def _advised(again: Mapping[str, Any]) -> str:
@@ -154,6 +159,11 @@ NO_CASE = "not tested (no such cases)"  # Reached by a goal for which nothing wa
 STRONG, VERY_STRONG = 0.5, 1.0
 """Structural residual over noise from which on a name, and a prediction as good as the oracle's, can be demanded."""
 LEAST_PARAMETERS = 300
+MOST = (
+    0.98,
+    0.97,
+)  # Largest share of intervals that hold, of recordings by the same equations and by the fine membrane
+DRAWS = 2000  # Perfect forecasters whose calibration errors are drawn
 REPORTED = "reported"
 Ends = tuple[float, float, float]
 
@@ -176,35 +186,45 @@ def score(study: Opened) -> list[Goal]:
     """Compare the study with its goals."""
     clean, pairs, outside = study.of("clean"), study.of("pair"), study.of("outside", ratio=STRONG)
     inside, ties = study.of("effect", ratio=STRONG), study.of("tie", ratio=STRONG)
-    far = [case for case in inside if case.nearest >= FAR]
+    far = [case for case in inside if case.apart >= FAR]
+    far_in_noise = [case for case in inside if case.apart_in_noise >= FAR]
     detected = [case for case in study.of("effect", "tie", "pair") if case.detected]
     named = [case for case in study.of("effect", "pair") if case.verdict == "named"]
     tied = [case for case in study.of("tie") if case.verdict == "ambiguous"]
-    fine = [covered for case in study.cases for covered in case.covered]
-    rate = Rate.of(study.intervals)
-    covers = rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= 0.98
+    answered = [case for case in study.cases if case.named_right or (case.kind == "clean" and not case.detected)]
+    fine = {name: [held for c in answered for n, held in c.covered if ("." in n) == name] for name in (False, True)}
+    rates = [Rate.of(study.intervals), Rate.of([*fine[False], *fine[True]])]
+    covers = [
+        rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= most for rate, most in zip(rates, MOST, strict=True)
+    ]
     return [
-        _at_most("false_alarm", [bool(c.causes) for c in clean], 1 / 150, "1 of 150"),
+        _at_most("false_alarm", [bool(c.causes) for c in study.of("clean", "dirt")], 1),
         _at_least("cleared", [c.verdict in CLEAN_VERDICTS for c in clean], 0.95),
         _harm(study),
-        _at_most("wrong", [c.confidently_wrong for c in detected], 0.01, "1 %"),
-        _at_least("first_right", [c.first_right for c in far], 0.9),
+        _at_most("wrong", [c.confidently_wrong for c in detected], 1),
+        _at_least("first_right", [c.first_right for c in far], 0.92),
+        _rate("first_right_in_noise", REPORTED, [c.first_right for c in far_in_noise], None),
         _at_least("family_right", [c.family_right for c in far], 0.95),
-        _at_least("inside", [c.inside for c in inside], 0.95),
+        _at_least("inside", [c.inside for c in inside], 0.96),
         _mean("answer", [len(c.answer) for c in inside if c.rich and c.answer], 1.3),
-        _at_least("outside_unknown", [c.verdict == "unknown" for c in outside], 0.9),
-        _at_most("outside_named", [bool(c.causes) for c in outside], 0.05, "5 %"),
-        _at_least("both", [c.all_named for c in pairs], 0.7),
-        _at_least("no_wrong_of_two", [c.verdict != "error" and not c.wrong_cause for c in pairs], 0.9),
-        _at_least("resolved", [c.resolved for c in tied], 0.9),
-        _at_least("resolved_or_named", [c.resolved or c.named_right for c in ties], 0.9),
+        _at_least("outside_unknown", [c.right_unknown for c in outside], 0.88),
+        _at_most("outside_named", [bool(c.causes) for c in outside], 1),
+        _at_least("both", [c.all_named for c in pairs], 0.75),
+        _at_least("no_wrong_of_two", [c.verdict != "error" and not c.wrong_cause for c in pairs], 0.92),
+        _at_least("resolved", [c.resolved for c in tied], 0.8),
         _at_least("tie_inside", [c.inside for c in ties], 0.95),
         _median("gap_closed", gaps_closed(study), 0.95),
         _at_least("ahead", [_ahead(c) for c in named], 0.9),
         _points("beyond_sparse", inside, 0.3),
-        _rate("covered", f"92 to 98 %, of at least {LEAST_PARAMETERS} intervals", study.intervals, covers),
-        _rate("fine_covered", REPORTED, fine, None),
-        _calibration(study),
+        _rate("covered", f"92 to 98 %, of at least {LEAST_PARAMETERS} intervals", study.intervals, covers[0]),
+        _rate(
+            "fine_covered",
+            f"92 to 97 %, of at least {LEAST_PARAMETERS} intervals",
+            [*fine[False], *fine[True]],
+            covers[1],
+        ),
+        _rate("effect_covered", REPORTED, fine[True], None),
+        *_calibration(study),
     ]
 
 
@@ -252,15 +272,30 @@ def _harm(study: Opened) -> Goal:
     return _goal("harm", "at most 1.005", words, (middle, low, high), len(ratios), middle <= 1.005)
 
 
-def _calibration(study: Opened) -> Goal:
+def _calibration(study: Opened) -> tuple[Goal, Goal]:
+    """Return the calibration error beside that of a forecaster who states the true probabilities, and Brier's score."""
     stated = [pair for case in study.cases for pair in case.stated]
-    error = expected_calibration_error(reliability(stated))
-    words = f"{error:.3f} ({len(stated)} causes, Brier score {brier_score(stated):.3f})"
-    return _goal("calibration", "at most 0.05", words, (error, np.nan, np.nan), len(stated), error <= 0.05)
+    error, brier, rng = expected_calibration_error(reliability(stated)), brier_score(stated), np.random.default_rng(0)
+    perfect = [
+        expected_calibration_error(reliability([(p, bool(rng.random() < p)) for p, _ in stated])) for _ in range(DRAWS)
+    ]
+    limit = float(np.quantile(perfect, 0.95)) if stated else np.nan
+    causes = f"({len(stated)} causes)"
+    return (
+        _goal(
+            "calibration",
+            f"at most {limit:.3f}",
+            f"{error:.3f} {causes}",
+            (error, np.nan, np.nan),
+            len(stated),
+            error <= limit,
+        ),
+        _goal("brier", "at most 0.09", f"{brier:.3f} {causes}", (brier, np.nan, np.nan), len(stated), brier <= 0.09),
+    )
 
 
-def _at_most(name: str, flags: Sequence[bool], limit: float, words: str) -> Goal:
-    return _rate(name, f"at most {words}", flags, bool(flags) and sum(flags) / len(flags) <= limit, "at most")
+def _at_most(name: str, flags: Sequence[bool], most: int) -> Goal:
+    return _rate(name, f"at most {most}", flags, bool(flags) and sum(flags) <= most, "at most")
 
 
 def _at_least(name: str, flags: Sequence[bool], limit: float) -> Goal:

@@ -17,6 +17,7 @@ from deatwin.ident.discrepancy import gaussian_process, narx, sparse_dynamics, t
 from deatwin.ident.greybox import Calibration, Part, calibrate
 from deatwin.ident.greybox.parts import free_run_residuals
 from deatwin.ident.mismatch import Diagnosis, DiagnosisProblem, diagnose, linearised_responses
+from deatwin.ident.mismatch.advise.distance import Memory
 from deatwin.ident.mismatch.naming.screen import leads
 from deatwin.ident.mismatch.refit.search import at_its_time, finish, search
 from deatwin.plant import (
@@ -34,7 +35,7 @@ from deatwin.plant import (
 from deatwin.plant.excitation import band_limited_noise, random_holds
 from deatwin.plant.interrupts import obeying
 from deatwin.plant.records import finite, plain
-from deatwin.scenarios.concealed_physics.cases import SIZES, IntervalSpec, case_specs, interval_specs, key_dict
+from deatwin.scenarios.concealed_physics.cases import KEY, SIZES, IntervalSpec, case_specs, interval_specs, key_dict
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec, Specimen, make
 from deatwin.studies.missing_physics import experiment_of
 from deatwin.studies.sweep.run import run_sweep
@@ -122,6 +123,7 @@ def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, A
     return {
         "status": "done",
         "ratio": specimen.ratio,
+        "apart": _apart(spec, specimen),
         "noise_true": specimen.noise,
         "diagnosis": _essence(diagnosis),
         "parameters": _parameters(diagnosis, specimen),
@@ -172,14 +174,12 @@ def _essence(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def _parameters(diagnosis: Diagnosis, specimen: Specimen) -> list[dict[str, Any]]:
-    """Return intervals of added parameters that have a true value, because generator and catalogue define them alike."""
-    known = specimen.parameters
-    return [
-        {"name": f"{cause.effect}.{name}", "true": known[f"{cause.effect}.{name}"], "low": p.low, "high": p.high}
-        for cause in diagnosis.causes
-        for name, p in cause.parameters.items()
-        if f"{cause.effect}.{name}" in known
-    ]
+    """Return the intervals of the answer's parameters that have a true value."""
+    if diagnosis.findings is None:
+        return []
+    answer, true = diagnosis.findings.intervals, specimen.parameters
+    ends = {name: answer.interval(name) for name in true if name in answer.names}
+    return [{"name": name, "true": true[name], "low": low, "high": high} for name, (low, high) in ends.items()]
 
 
 def _baselines(plant: Plant, specimen: Specimen) -> dict[str, Any]:
@@ -206,7 +206,7 @@ def _oracle(specimen: Specimen, diagnosis: Diagnosis, base: Calibration, parts: 
         return None
     nominal = specimen.plant.with_rig(base.plant.rig)
     found = _consulted(nominal, base, parts, specimen.truth)
-    rivals = [] if found is None else [found]
+    rivals = [] if found is None else [found.plant]
     if diagnosis.model is not None and {c.effect for c in diagnosis.causes} == set(specimen.truth):
         rivals.append(diagnosis.model.plant)
     return min(rivals, key=lambda plant: _squares(plant, parts), default=None)
@@ -237,27 +237,60 @@ def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[s
     return {"failure": "", **{k: v for k, v in _essence(again).items() if k in ("verdict", "causes", "set")}}
 
 
-def _consulted(nominal: Plant, base: Calibration, parts: Sequence[Part], truth: Sequence[str]) -> Plant | None:
+RIVALS = 3
+"""Number of wrong effects that are fitted to the concealed one: those that imitate it best to first order."""
+
+
+def _apart(spec: CaseSpec, specimen: Specimen) -> dict[str, Any] | None:
+    """Return d² between the true effect and the wrong one that imitates it best, with the sensor's noise alone and with
+    the plant's own error, which no diagnosis has a part in.
+
+    Both are fitted to the readings without noise.
+    """
+    if spec.kind != "effect":
+        return None
+    experiment, nominal, right = specimen.experiments[0], specimen.plant, KEY[spec.effects[0]]
+    pairs = zip(experiment.recordings, specimen.apparatus.readings(experiment), strict=True)
+    silent = Experiment(recordings=tuple(replace(record, outputs=values[None]) for record, values in pairs))
+    parts = [Part.whole(silent)]
+    base = calibrate(nominal, parts, starts=1)
+    effects = [effect for effect in nominal.rig.effects() if nominal.accepts(effect)]
+    ranked = [effect for effect in _shaped(nominal, base, parts, effects) if effect.name not in right]
+    true = _consulted(nominal, base, parts, right[:1])
+    rivals = {e.name: _fitted(base.plant.with_effects(e), parts) for e in ranked[:RIVALS]}
+    known = {name: Memory.of(true, fit, parts).known for name, fit in rivals.items() if true and fit}
+    if not known:
+        return None
+    alone = {name: float(np.sum(each.left**2)) / specimen.noise**2 for name, each in known.items()}
+    within = {name: each.squared_distance(specimen.noise) for name, each in known.items()}
+    return {"noise": min(alone.values()), "error": min(within.values()), "rival": min(within, key=within.__getitem__)}
+
+
+def _consulted(nominal: Plant, base: Calibration, parts: Sequence[Part], truth: Sequence[str]) -> Calibration | None:
     """Fit the plant with the true effects to all samples; `base` is the fit without them."""
     if not all(nominal.accepts(effect_named(name)) for name in truth):
         return None
     typical = tuple(effect_named(name) for name in truth)
-    fits = []
-    for effects, plant in product((_promising(nominal, base, parts, typical), typical), (nominal, base.plant)):
-        fit = search(plant.with_effects(*effects), parts)
-        if fit.status.ok:
-            fits.append(at_its_time(fit, parts))
-    return finish(min(fits, key=lambda fit: fit.rms), parts).plant if fits else None
+    shaped = {effect.name: effect for effect in _shaped(nominal, base, parts, typical)}
+    promising = tuple(shaped.get(effect.name, effect) for effect in typical)
+    starts = product((promising, typical), (nominal, base.plant))
+    fits = [fit for effects, plant in starts if (fit := _fitted(plant.with_effects(*effects), parts))]
+    return finish(min(fits, key=lambda fit: fit.rms), parts) if fits else None
 
 
-def _promising(
-    nominal: Plant, base: Calibration, parts: Sequence[Part], effects: tuple[Effect, ...]
-) -> tuple[Effect, ...]:
-    """Return the effects, with the shapes that could explain most of the base plant's residual, to first order."""
+def _fitted(plant: Plant, parts: Sequence[Part]) -> Calibration | None:
+    fit = search(plant, parts)
+    return at_its_time(fit, parts) if fit.status.ok else None
+
+
+def _shaped(nominal: Plant, base: Calibration, parts: Sequence[Part], effects: Sequence[Effect]) -> list[Effect]:
+    """Return the effects with the shapes that could explain most of the base plant's residual to first order, the best
+    one first.
+    """
     error, whole = nominal.rig.model_error, tuple(parts)
     problem = DiagnosisProblem(
         nominal=nominal,
-        effects=effects,
+        effects=tuple(effects),
         fitted=whole,
         unseen=whole,
         everything=whole,
@@ -265,8 +298,7 @@ def _promising(
         stated_error=error,
         expected_error=error,
     )
-    shaped = {lead.effect.name: lead.effect for lead in leads(linearised_responses(problem, base, effects, base), base)}
-    return tuple(shaped.get(effect.name, effect) for effect in effects)
+    return [lead.effect for lead in leads(linearised_responses(problem, base, effects, base), base)]
 
 
 CASE_SCHEMA = "deatwin/concealed-case/1"

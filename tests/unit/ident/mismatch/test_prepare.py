@@ -12,7 +12,7 @@ from deatwin.ident.mismatch import check_quality, confirm, detect, diagnose, lin
 from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.prepare import _at_sizes_of, _motion
 from deatwin.ident.mismatch.refit.base import Base
-from deatwin.ident.parallel import spawn_generators
+from deatwin.ident.parallel import one_thread, spawn_generators
 from deatwin.plant import (
     CoulombFriction,
     Creep,
@@ -109,6 +109,7 @@ def test_effects_that_are_passed_speak_of_the_rig_and_a_users_own_stay_as_they_a
 
 
 @pytest.mark.skipif(compiler() is None, reason="fits: without a C compiler they take ten times as long")
+@one_thread  # as a diagnosis runs: with more threads, products round differently
 def test_the_public_steps_one_by_one_find_what_a_diagnosis_does():
     noise = band_limited_noise(np.random.default_rng(0), 60.0, 0.02)
     blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))

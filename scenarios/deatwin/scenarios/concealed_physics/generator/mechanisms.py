@@ -636,8 +636,7 @@ class GainWander(Mechanism, largest=0.08):
     time: float = Draw.log_uniform(0.5, 6.0)
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
-        kept = np.exp(-np.diff(drive.times, prepend=drive.times[0]) / self.time)
-        wander = _fading(kept, np.sqrt(1 - kept**2) * rng.standard_normal(kept.size))
+        wander = _wandering(drive.times, self.time, rng)
         return replace(drive, commands=drive.commands * (1 + self.deviation * wander))
 
 
@@ -686,6 +685,44 @@ class ClockSkew(Mechanism, largest=2e-3):
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         return replace(drive, times=drive.times + self.skew * np.maximum(drive.times, 0.0))
+
+
+class ThermalWander(Mechanism, largest=0.3e-6):
+    """A sensor's zero that follows the air of the room: slow and random."""
+
+    deviation: float = Draw.part(1.0, 1.0)  # m
+    time: float = Draw.log_uniform(20.0, 60.0)  # s
+
+    def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
+        return reading.values + self.deviation * _wandering(reading.times, self.time, rng)
+
+
+class TimingJitter(Mechanism, largest=2e-3):
+    """Readings that are taken a little early or late, each independently of the others."""
+
+    deviation: float = Draw.part(1.0, 1.0)  # s
+
+    def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
+        from scipy.interpolate import CubicSpline
+
+        late = self.deviation * rng.standard_normal(reading.times.size)
+        return np.asarray(CubicSpline(reading.times, reading.values)(reading.times + late))
+
+
+class UnsteadyGain(Mechanism, largest=0.01):
+    """A sensor's gain that wanders slowly and at random."""
+
+    deviation: float = Draw.part(1.0, 1.0)  # As a share
+    time: float = Draw.log_uniform(20.0, 60.0)  # s
+
+    def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
+        return reading.values * (1 + self.deviation * _wandering(reading.times, self.time, rng))
+
+
+def _wandering(times: np.ndarray, correlation: float, rng: np.random.Generator) -> np.ndarray:
+    """Draw a stationary first-order process of unit variance. Shapes: `times` (n,); returns (n,)."""
+    kept = np.exp(-np.diff(times, prepend=-np.inf) / correlation)
+    return _fading(kept, np.sqrt(1 - kept**2) * rng.standard_normal(kept.size))
 
 
 MECHANISMS: dict[str, type[Mechanism]] = {

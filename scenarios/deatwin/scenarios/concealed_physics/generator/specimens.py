@@ -277,7 +277,7 @@ class CaseSpec:
     """A case: what is concealed, how strongly, and in what kind of recording."""
 
     name: str  # Unique in its study; fit for a file name
-    kind: str  # Purpose: clean, effect, outside, pair or tie
+    kind: str  # Purpose: clean, dirt, effect, outside, pair or tie
     effects: tuple[str, ...]  # Concealed mechanisms
     truth: tuple[str, ...]  # A catalogue name for each of them; empty where the catalogue has none
     rivals: tuple[str, ...] = ()  # Names that the input of a tie cannot distinguish, the truth among them
@@ -311,8 +311,10 @@ class Specimen:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """True values, SI, by the name of the catalogue's parameter, if a mechanism has the same one."""
-        return {k: v for m in self.apparatus.mechanisms for k, v in m.catalogue_values().items()}
+        """True values, SI, by the name of the parameter in the diagnosis: of the film, and of a mechanism if the
+        catalogue has the same one."""
+        film = {name: self.apparatus.plant.parameters[name].value for name in FITTED}
+        return film | {k: v for m in self.apparatus.mechanisms for k, v in m.catalogue_values().items()}
 
     def record(self, experiment: Experiment, seed: int) -> Experiment:
         """Record other commands on the same apparatus, from rest."""
@@ -374,7 +376,12 @@ def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Ge
     nominal = rigging.nominal.with_rig(replace(rigging.nominal.rig, noise=noise.rms))
     apparatus, ratio = replace(bare, noise=noise), 0.0
     ratios: dict[str, float] = {}
-    if spec.effects:
+    if spec.kind == "dirt":  # as large as it is
+        setting = _setting(whole, readings)
+        dirt = tuple(MECHANISMS[name].drawn(rng, setting) for name in spec.effects)
+        apparatus = replace(apparatus, mechanisms=dirt)
+        readings = apparatus.readings(whole)
+    elif spec.effects:
         sizing = _Sizing.of(rigging, apparatus, whole, readings)
         apparatus, readings, ratios = sizing.concealed(spec, rng)
         ratio = next(iter(ratios.values())) if len(ratios) == 1 else sizing.scale.ratio(readings[:count])
@@ -391,6 +398,16 @@ def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Ge
     )
 
 
+def _setting(whole: Experiment, clean: tuple[np.ndarray, ...]) -> Setting:
+    """Describe the clean records that are diagnosed, which are all but the last."""
+    fitted = Experiment(recordings=whole.recordings[:-1])
+    return Setting(
+        seconds=fitted.end,
+        commands=np.concatenate([r.inputs[0] for r in fitted.recordings]),
+        displacement=np.concatenate(clean[:-1]),
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Sizing:
     """Finds the strength of a mechanism for a given mismatch-to-noise ratio."""
@@ -403,13 +420,8 @@ class _Sizing:
     @classmethod
     def of(cls, rigging: Rigging, bare: Apparatus, whole: Experiment, clean: tuple[np.ndarray, ...]) -> Self:
         fitted = Experiment(recordings=whole.recordings[:-1])
-        setting = Setting(
-            seconds=fitted.end,
-            commands=np.concatenate([r.inputs[0] for r in fitted.recordings]),
-            displacement=np.concatenate(clean[:-1]),
-        )
         scale = StructuralScale.of(rigging.reduced, fitted, clean[:-1], bare.noise.rms)
-        return cls(bare=bare, whole=whole, scale=scale, setting=setting)
+        return cls(bare=bare, whole=whole, scale=scale, setting=_setting(whole, clean))
 
     def concealed(
         self, spec: CaseSpec, rng: np.random.Generator
