@@ -21,7 +21,7 @@ typedef struct {
 
 typedef struct {
     double mass, gain, thickness, frame, frame_reference, electrode_reference, contact_reference;
-    double radius_0[POINTS], radius_1[POINTS], area_0[POINTS], area_1[POINTS], stiffness;
+    double radius_0[POINTS], radius_1[POINTS], area_0[POINTS], area_1[POINTS];
 } constants;
 
 typedef struct {
@@ -75,13 +75,15 @@ static ring shaped(double inner_reference, double inner, double outer_reference,
 
 static void equations(const parameters *p, const constants *c, double command, const double *w, double *f) {
     double z = w[0], v = w[1], xi = w[2], s = w[3], q = w[4], contact = w[5];
-    double h = c->thickness, volts = c->gain * command, by_xi = 0, a_s, b_s, c_s, d_s;
+    double h = c->thickness, volts = c->gain * command, by_xi = 0, viscous, a_s, b_s, c_s, d_s;
+    double disc = M_PI * c->contact_reference * c->contact_reference * h;
     double electric = p->permittivity * VACUUM / (h * h) * volts * volts;
     double by_drop[2] = {0, 0}, by_edge[2][2] = {{0, 0}, {0, 0}}, drop[2] = {z - q, q};
     double e = c->electrode_reference;
     ring zones[2] = {shaped(c->contact_reference, contact * c->contact_reference, e, s * e, 0),
                      shaped(e, s * e, c->frame_reference, c->frame, 1)};
     ring relaxed = shaped(e, xi * e, c->frame_reference, c->frame, 1);
+    viscous = 12 * disc / (xi * xi); /* of the flow: 4 (a^2 + a b + b^2) per volume, with rates a and b of the logarithms */
     const double *radius[2] = {c->radius_0, c->radius_1}, *area[2] = {c->area_0, c->area_1};
 
     for (int zone = 0; zone < 2; ++zone)
@@ -102,6 +104,8 @@ static void equations(const parameters *p, const constants *c, double command, c
             }
             point(p, volume, a, hoop, c_1, c_2, &a_s, &b_s, &c_s, &d_s);
             by_xi += c_s * c_1_by + d_s * c_2_by;
+            double flow_1 = c_1_by / c_1, flow_2 = c_2_by / c_2;
+            viscous += 4 * volume * (flow_1 * flow_1 + flow_1 * flow_2 + flow_2 * flow_2);
             if (zone == 0) {
                 a_s -= electric * volume * a * hoop * hoop;
                 b_s -= electric * volume * a * a * hoop;
@@ -115,14 +119,13 @@ static void equations(const parameters *p, const constants *c, double command, c
                 by_edge[zone][i] += along * (meridional * m_by + slope * s_by) + b_s * r_by * rho_inverse;
             }
         }
-    double disc = M_PI * c->contact_reference * c->contact_reference * h;
     point(p, disc, contact, contact, xi, xi, &a_s, &b_s, &c_s, &d_s);
     by_xi += c_s + d_s;
     double by_contact = by_edge[0][0] + a_s + b_s - electric * disc * 2 * contact * contact * contact;
 
     f[0] = v;
     f[1] = (c->mass * GRAVITY - by_drop[0] - p->damping * v) / c->mass;
-    f[2] = -xi * xi * by_xi / c->stiffness;
+    f[2] = -by_xi / viscous;
     f[3] = (by_edge[0][1] + by_edge[1][0]) / c->mass;
     f[4] = (by_drop[1] - by_drop[0]) / c->mass;
     f[5] = by_contact / c->mass;

@@ -17,7 +17,6 @@ from scipy.integrate import solve_ivp
 
 from deatwin.plant import Plant
 from deatwin.plant.equations import STAGES
-from deatwin.plant.film import relaxation_stiffness
 from deatwin.plant.integrator.collocation import radau
 from deatwin.plant.integrator.compiled import compile_functions, compiler
 from deatwin.plant.integrator.newton import SETTLED
@@ -215,17 +214,8 @@ def _numbers(plant: Plant) -> np.ndarray:
     half = np.diff(np.log(edges))[:, None] / 2
     radius = np.exp(np.log(edges[:-1, None]) + half * (1 + abscissae))
     area = 2 * np.pi * radius**2 * half * weights
-    volumes = np.append(area, np.pi * edges[0] ** 2) * rig.thickness
-
-    def relaxed(xi: float) -> list[tuple[float, float]]:
-        edge = xi * edges[1]
-        alpha = (rig.frame_radius**2 - edge**2) / (edges[2] ** 2 - edges[1] ** 2)
-        r = np.sqrt(alpha * (radius[1] ** 2 - edges[1] ** 2) + edge**2)
-        return [*[(xi, xi)] * POINTS, *zip(alpha * radius[1] / r, r / radius[1], strict=True), (xi, xi)]
-
-    stiffness = relaxation_stiffness(relaxed, volumes.tolist(), rig.prestretch)
     single = [rig.mass, rig.gain, rig.thickness, rig.frame_radius, edges[2], edges[1], edges[0]]
-    return np.concatenate([single, *radius, *area, [stiffness]])
+    return np.concatenate([single, *radius, *area])
 
 
 def _scheme() -> np.ndarray:

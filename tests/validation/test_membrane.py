@@ -12,8 +12,9 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit
 
-from deatwin.plant import Diaphragm, Experiment, Plant
+from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.files import read_recording
 from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.rest import RestState, rest_state
@@ -162,6 +163,24 @@ def test_the_reduced_plant_follows_the_fine_one(ball, contact_radius, bounds):
     truth, found = (np.array(displacements(p, KILOVOLTS)) for p in (plant, reduced))
     assert found[0] == pytest.approx(truth[0], rel=2e-3)
     assert np.all(np.abs(found[1:] / truth[1:] - 1) < bounds)
+
+
+@pytest.mark.parametrize(("first", "last"), [(0.8, 1.0), (2.4, 2.6)])
+def test_the_reduced_plant_creeps_as_fast_as_the_fine_one(first, last):
+    """After a step of the voltage, at which the film softens towards pull-in: the creep of 0.61 s becomes slower."""
+    times = []
+    for resolution in ("fine", "reduced"):
+        plant = Plant(rig=Diaphragm(ball="sliding", resolution=resolution, gain=1000.0))
+        step, half = plant.rig.sample_time, 500
+        commands = np.repeat([first, last], half)
+        record = Recording.from_arrays(commands, np.zeros_like(commands), step)
+        after = plant.simulate(record).require().outputs[0][0][half + 40 :]  # the ball has come to rest
+        since = step * np.arange(after.size)
+        (_, _, time), _ = curve_fit(
+            lambda t, end, way, tau: end - way * np.exp(-t / tau), since, after, [after[-1], np.ptp(after), 1.0]
+        )
+        times.append(time)
+    assert times[1] == pytest.approx(times[0], rel=0.02)  # as much as its displacements may err
 
 
 @pytest.mark.skipif(compiler() is None, reason="thousands of samples of some hundred unknowns")

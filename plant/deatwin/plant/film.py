@@ -24,21 +24,6 @@ Symbol = Any
 Stretches = Sequence[tuple[Symbol, Symbol]]
 
 
-def relaxation_stiffness(relaxed: Callable[[Any], Stretches], volumes: Sequence[float], stretch: float) -> float:
-    r"""Curvature :math:`\kappa = \partial^2 e/\partial(\ln\xi)^2` of a branch's energy in its relaxed state."""
-    step = 1e-4
-    here = relaxed(stretch)
-
-    def energy(shift: float) -> float:
-        there = relaxed(stretch * float(ca.exp(shift)))
-        return sum(
-            float(v) * float(maxwell_branch(a / c, b / d))
-            for v, (a, b), (c, d) in zip(volumes, here, there, strict=True)
-        )
-
-    return (energy(step) - 2 * energy(0.0) + energy(-step)) / step**2
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilmPoint:
     """A quadrature point of the film."""
@@ -123,19 +108,28 @@ class AnyFilm(ABC):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Film(AnyFilm):
-    """Film of a few coordinates, with one viscous stretch per branch for the whole film."""
+    r"""Film of a few coordinates, with one viscous stretch :math:`\xi` per branch for the whole film.
+
+    Each point's law of flow has the viscous potential :math:`2\mu\tau(a^2 + ab + b^2)`, with the rates a and b of the
+    logarithms of its two viscous stretches. A film that flows with one of them, :math:`\lambda_i(\xi)`, has the sum of
+    these potentials, so
+
+    .. math:: \tau\kappa\,\frac{d\ln\xi}{dt} = -\frac{\partial e}{\partial\ln\xi}, \qquad
+              \kappa = \int 4(a^2 + ab + b^2)\,dV_0, \quad a, b = \frac{d\ln\lambda_i}{d\ln\xi}.
+    """
 
     stretch: Symbol  # The coordinate that a branch copies
-    relaxed: Callable[[Any], Stretches]
-    stiffness: float  # `relaxation_stiffness` at rest, m³
+    relaxed: Callable[[Any], Stretches]  # Stretches at each point of a film that is relaxed at the viscous stretch
 
     def with_branch(self, name: str, modulus: Symbol, time: Symbol, build: Builder) -> Self:
-        """Add a Maxwell branch of one viscous stretch xi: E = mu e(q, xi), tau d(ln xi)/dt = -(de/d ln xi) / kappa."""
+        """Add a Maxwell branch of one viscous stretch, with the energy mu e."""
         xi = build.state(f"{name}_stretch", scale=1.0)
         build.guess(xi, self.prestretches[0])
-        pairs = zip(self.points, self.relaxed(xi), strict=True)
+        pairs = list(zip(self.points, self.relaxed(xi), strict=True))
         energy = sum(p.volume * maxwell_branch(p.stretches[0] / c, p.stretches[1] / d) for p, (c, d) in pairs)
-        build.rate(xi, -(xi**2) * ca.gradient(energy, xi) / self.stiffness, mass=time)
+        flows = [(p.volume, *(ca.gradient(ca.log(x), xi) for x in relaxed)) for p, relaxed in pairs]
+        viscous = sum(4 * volume * (a**2 + a * b + b**2) for volume, a, b in flows)  # kappa / xi²
+        build.rate(xi, -ca.gradient(energy, xi) / viscous, mass=time)
         build.displace(name, xi, partial(_unstrained, xi))
         return replace(self, relaxing=self.relaxing + modulus * energy)
 

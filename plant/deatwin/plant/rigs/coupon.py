@@ -11,7 +11,7 @@ import casadi as ca
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.sizes import Sizes
-from deatwin.plant.film import Film, FilmPoint, relaxation_stiffness
+from deatwin.plant.film import Film, FilmPoint
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rigs.base import Rig, StartProcedure
@@ -106,7 +106,6 @@ class Coupon(Rig):
             elastic=volume * self.substance.energy(*_uniaxial(stretch)[0], *elastic),
             stretch=stretch,
             relaxed=_uniaxial,
-            stiffness=build.constant("relaxation_stiffness", self._stiffness),
             prestretches=(1.0, 1.0),
         )
         strip = with_branches(strip, self.substance, build)
@@ -122,10 +121,6 @@ class Coupon(Rig):
     @property
     def _volume(self) -> float:
         return self.width * self.thickness * self.length
-
-    @cached_property
-    def _stiffness(self) -> float:
-        return relaxation_stiffness(_uniaxial, [self._volume], 1.0)
 
 
 def _uniaxial(stretch: Symbol) -> list[tuple[Symbol, Symbol]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -11,7 +11,7 @@ import numpy as np
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.errors import RigError
-from deatwin.plant.film import Film, FilmPoint, relaxation_stiffness
+from deatwin.plant.film import Film, FilmPoint
 from deatwin.plant.material import Material
 from deatwin.plant.rigs.film_actuator import FilmActuator
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
@@ -139,12 +139,7 @@ class Disc(FilmActuator):
             )
             for k, pair in enumerate(stretches(position - prestretch * size, bends))
         ]
-        film = partial(
-            Film,
-            stretch=position / size,
-            relaxed=lambda xi: stretches((xi - prestretch) * size, []),
-            stiffness=build.constant("relaxation_stiffness", self._stiffness),
-        )
+        film = partial(Film, stretch=position / size, relaxed=lambda xi: stretches((xi - prestretch) * size, []))
         return Kinematics(points=points, coordinates=bends, film=film)
 
     def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
@@ -184,15 +179,3 @@ class Disc(FilmActuator):
         pairs = zip((*inside, nothing, nothing), (around[0], nothing, *around[1:]), strict=True)
         motions, slopes = zip(*(np.where(within, one, other) for one, other in pairs), strict=True)
         return np.stack(motions), np.stack(slopes)
-
-    @cached_property
-    def _stiffness(self) -> float:
-        (rho, areas), (motions, slopes) = self._points, self._shapes
-
-        def relaxed(xi: float) -> list[tuple[float, float]]:
-            grown = (xi - self.prestretch) * self._size
-            return list(
-                zip(self.prestretch + slopes[0] * grown, self.prestretch + motions[0] / rho * grown, strict=True)
-            )
-
-        return relaxation_stiffness(relaxed, list(self.thickness * areas), self.prestretch)

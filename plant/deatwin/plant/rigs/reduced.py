@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any, Self
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.film import Film, FilmPoint, relaxation_stiffness
+from deatwin.plant.film import Film, FilmPoint
 from deatwin.plant.rigs.kinematics import BallInFilm, Kinematics, electrode_share
 
 if TYPE_CHECKING:
@@ -49,23 +49,14 @@ POINTS = 4
 
 def reduced(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
     """Write the film with three coordinates: stretch at the electrode's edge, drop of the annulus, and bow."""
-    numbers = _Geometry.of(rig)
-    geometry = numbers.as_symbols(build)
+    geometry = _Geometry.of(rig).as_symbols(build)
     stretch = build.coordinate("electrode_stretch", scale=1.0)
     outer = build.coordinate("outer_drop", scale=1e-3)
     build.guess(stretch, rig.prestretch)
     build.guess(outer, rig.sag(rig.electrode_radius, build))
     support = SUPPORTS[rig.ball](rig, build)
     points = _points(geometry, support, stretch, (deflection - outer, outer), build.parameter("thickness"))
-    stiffness = relaxation_stiffness(
-        partial(_relaxed, rig, numbers), [a * rig.thickness for a in numbers.areas], rig.prestretch
-    )
-    film = partial(
-        Film,
-        stretch=stretch,
-        relaxed=partial(_relaxed, rig, geometry),
-        stiffness=build.constant("relaxation_stiffness", stiffness),
-    )
+    film = partial(Film, stretch=stretch, relaxed=partial(_relaxed, rig, geometry))
     return Kinematics(points=points, coordinates=[stretch, outer, support.coordinate], film=film)
 
 

@@ -46,7 +46,6 @@ class Chain(Bare):
             elastic=0.0,
             stretch=swelling,
             relaxed=lambda xi: [(xi, xi)],
-            stiffness=1.0,
             prestretches=(1.0, 1.0),
         )
         build.share("film", film)

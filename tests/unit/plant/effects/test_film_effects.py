@@ -157,7 +157,6 @@ def permitting(effect, stretch):
         capacitances=[capacitance],
         stretch=symbol,
         relaxed=lambda xi: [(xi, xi)],
-        stiffness=1.0,
         prestretches=(3.5, 3.5),
     )
     changed = effect.rewrite(film, build)

@@ -48,7 +48,7 @@ def worst(effect, step):
 
 @pytest.mark.parametrize("effect", SMOOTH, ids=lambda e: e.name)
 def test_slopes_are_exact(effect):
-    error, each = worst(effect, 1e-3)
+    error, each = worst(effect, 1e-4)
     assert error < 1e-6, each
 
 
