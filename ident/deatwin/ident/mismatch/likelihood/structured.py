@@ -83,32 +83,38 @@ def law(
     return np.asarray(basis[:, sizes > ALIKE * sizes[0]])
 
 
-def limited(change: np.ndarray, does: np.ndarray, pieces: Sequence[slice]) -> np.ndarray:
+def limited(
+    change: np.ndarray, does: np.ndarray, times: np.ndarray, records: np.ndarray, level: np.ndarray | float = 1.0
+) -> np.ndarray:
     """Limit a change, (n,), in each octave of frequency to what an effect, (n,), does there and above.
 
-    `pieces` are stretches of equal time steps. What is constant over the longest of them is not limited.
+    Both are over the noise's relative `level`, (n,). `records`, (n,), numbers the recordings, each of which begins anew:
+    what is constant over one of them is not limited.
     """
-    # Another law of a slow effect is slow, too; but that of a fast one may have slow parts, as a square has. A cosine
-    # transform of each piece has no jump at its ends.
+    # Another law of a slow effect is slow, too; but that of a fast one may have slow parts, as a square has. A level that
+    # changes fast is part of neither. Gaps are bridged by straight lines: a law is no freer because samples are missing.
+    # A cosine transform of each recording has no jump at its ends.
     from scipy.fft import dct, idct
 
-    longest = max(piece.stop - piece.start for piece in pieces)
-    octaves = []
-    for piece in pieces:
-        size = piece.stop - piece.start
-        octaves.append(np.floor(np.log2(np.maximum(np.arange(size) * (longest / size), 0.5))).astype(int))
-    where = np.concatenate(octaves)
-    spectra = [np.concatenate([dct(rows[piece], norm="ortho") for piece in pieces]) for rows in (change, does)]
+    steps = np.diff(times)
+    step = float(np.median(steps)) if steps.size else 1.0
+    clocks = np.split(times, 1 + np.flatnonzero(np.diff(records)))
+    grids = [np.linspace(clock[0], clock[-1], 1 + round(np.ptp(clock) / step)) for clock in clocks]
+    longest = max(grid.size for grid in grids)
+    where = np.concatenate(
+        [np.floor(np.log2(np.maximum(np.arange(grid.size) * (longest / grid.size), 0.5))).astype(int) for grid in grids]
+    )
+    spectra = []
+    for rows in (change * level, does * level):
+        pieces = zip(grids, clocks, np.split(rows, np.cumsum([clock.size for clock in clocks])[:-1]), strict=True)
+        spectra.append(np.concatenate([dct(np.interp(*piece), norm="ortho") for piece in pieces]))
     own, other = (np.bincount(where + 1, weights=spectrum**2) for spectrum in spectra)
     above = np.cumsum(other[::-1])[::-1]
     shares = np.sqrt(np.minimum(np.divide(above, own, out=np.ones_like(own), where=own > 0.0), 1.0))
     shares[0] = 1.0
-    kept = spectra[0] * shares[where + 1]
-    ends = np.cumsum([piece.stop - piece.start for piece in pieces])[:-1]
-    found = np.empty_like(change)
-    for piece, part in zip(pieces, np.split(kept, ends), strict=True):
-        found[piece] = idct(part, norm="ortho")
-    return found
+    kept = np.split(spectra[0] * shares[where + 1], np.cumsum([grid.size for grid in grids])[:-1])
+    back = [np.interp(c, g, idct(part, norm="ortho")) for c, g, part in zip(clocks, grids, kept, strict=True)]
+    return np.concatenate(back) / level
 
 
 def _unit(values: np.ndarray) -> np.ndarray:

@@ -56,8 +56,6 @@ contribution: of the part that another law of the same mechanism could cause, an
 LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
 """Effects whose laws vary more, and not by a filter; for them both deviations have this value. It was measured between
 other laws of these mechanisms and the catalogue's (docs/development/evidence.md)."""
-GAP = 0.5
-"""Smallest deviation of a time step from the usual one that counts as a gap, in usual steps."""
 FAR = 1e-300
 """Smallest divisor."""
 
@@ -176,15 +174,9 @@ class Scale:
     def _rest(self, direction: np.ndarray, alone: Candidate) -> np.ndarray:
         """Return the expected law error of one effect along a direction, (n,), that no other law of it would cause."""
         error, does = structured.known(direction[:, None], self._missed(alone)[1:])[:, 0], alone.contribution
-        return structured.limited(error, does, self._pieces) if _is_known(does) else error
-
-    @cached_property
-    def _pieces(self) -> list[slice]:
-        """Return the stretches of fitted samples of one reading without a gap."""
-        steps = np.diff(self.error.times)
-        apart = (np.abs(steps - np.median(steps)) > GAP * np.median(steps)) | (np.diff(self.error.records) > 0)
-        ends = [*(1 + np.flatnonzero(apart)), self.error.times.size]
-        return [slice(int(a), int(b)) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
+        if not _is_known(does):
+            return error
+        return structured.limited(error, does, self.error.times, self.error.records, level_of(self.problem.fitted))
 
     def _missed(self, alone: Candidate) -> tuple[float, float]:
         """Return the rms law error of one effect, SI: the part another law could cause, and the rest."""
