@@ -26,10 +26,16 @@ GRID = 200
 
 
 def bends(simulated: np.ndarray, rms: float) -> np.ndarray:
-    """Return orthogonal polynomials of a reading, (n,), (n, 6); `rms`, SI, is that of their sum with normal weights."""
+    """Return orthogonal polynomials of a reading, (n,), (n, 6); `rms`, SI, is that of their sum with normal weights.
+
+    Columns beyond the number of different readings are 0.
+    """
+    # A reading with few different values has no more bends than values; a further direction is no function of it.
     first, last = DEGREES
-    basis = np.linalg.qr(legvander(_unit(simulated), last))[0][:, first:]
-    return basis * rms * np.sqrt(simulated.size / basis.shape[1])
+    basis, triangle = np.linalg.qr(legvander(_unit(simulated), last))
+    lengths = np.abs(np.diagonal(triangle))
+    bent = (lengths > simulated.size * np.finfo(float).eps * lengths.max())[first:]
+    return basis[:, first:] * bent * rms * np.sqrt(simulated.size / max(bent.sum(), 1))
 
 
 def timing(simulated: np.ndarray, times: np.ndarray, records: np.ndarray, shift: float) -> np.ndarray:

@@ -25,6 +25,16 @@ def test_bends_are_orthogonal_to_what_parameters_take_up_and_of_the_stated_size(
     assert np.abs(left).max() < 1e-9 * np.abs(MOTION**3).max()
 
 
+@pytest.mark.parametrize("values", [[3e-4], [0.0, 1e-4], [0.0, 1e-4, 5e-4]])
+def test_an_error_that_repeats_is_the_same_wherever_the_reading_is(values):
+    """A function of a reading with two values is a straight line, which parameters take up, and one of three has a bend."""
+    reading = np.random.default_rng(0).choice(values, 300)
+    covariance = bends(reading, 3e-7) @ bends(reading, 3e-7).T
+    of_values = [covariance[np.flatnonzero(reading == value)[0]] for value in reading]
+    np.testing.assert_allclose(covariance, of_values, atol=1e-9 * 3e-7**2)
+    assert np.mean(np.diag(covariance)) == pytest.approx(3e-7**2 if len(values) > 2 else 0.0)
+
+
 def test_timing_is_the_change_over_a_shift():
     records = (TIMES >= 30.0).astype(int)
     times = TIMES + 500.0 * records
