@@ -119,10 +119,9 @@ class Scale:
                 above=np.append(prior.above, np.full(law.shape[1], -np.inf)),
             )
         events = sum(name in fit.plant.event_times for name in fit.names)
-        # The prior of an event's time is uniform over the recordings; readings are not smooth in it, and show it to
-        # about a sample.
+        # An event is equally likely at each sample; readings are not smooth in its time, and show it to about a sample.
         weighed = evidence(self.error.likelihood(fit.residuals, columns), prior)
-        placed = events * float(np.log(np.ptp(self.error.times) / self.error.of[0].sample_time))
+        placed = events * float(np.log(self.error.moments))
         return weighed.log + factor + self.log_prior_of_rig(candidate) - placed
 
     @cached_property
@@ -181,7 +180,7 @@ class Scale:
     def _missed(self, alone: Candidate) -> tuple[float, float]:
         """Return the rms law error of one effect, SI: the part another law could cause, and the rest."""
         # Without the effect the plant may have no equilibrium; no contribution exceeds the whole motion.
-        does = min(_rms(alone.contribution), float(np.std(self.error.readings)))
+        does = min(_rms(alone.contribution), self.error.motion)
         own, other = (LOOSE, LOOSE) if LOOPS.intersection(alone.effects) else (OWN, OTHER)
         return own * does, other * does
 
