@@ -6,7 +6,7 @@ derivative), known directions, and slow modes. L λ: what another law of an effe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -77,13 +77,13 @@ def law(
     from scipy.signal import lfilter
 
     does, clock = contribution * level, _unit(times)
-    along = does / max(float(np.abs(does).max()), TINY)
-    steps = np.diff(times)
-    step = float(np.median(steps)) if steps.size else 1.0
-    decays = np.exp(-step / np.geomspace(step, max(float(np.ptp(times)), 2.0 * step), FILTERS))
+    along, grids = does / max(float(np.abs(does).max()), TINY), _grids(times, records)
+    step = _step(times)
+    longest = max(float(np.ptp(grid)) for _, grid in grids)  # pauses between recordings do not count
+    decays = np.exp(-step / np.geomspace(step, max(longest, 2.0 * step), FILTERS))
     columns = [along, along**2, along**3, np.abs(along), along * clock, along * clock**2]
-    each = np.split(along, 1 + np.flatnonzero(np.diff(records)))
-    columns += [np.concatenate([lfilter([1.0 - k], [1.0, -k], piece) for piece in each]) for k in decays]
+    each = list(_bridged(along, grids))
+    columns += [_counted([lfilter([1.0 - k], [1.0, -k], piece) for piece in each], grids) for k in decays]
     together = np.column_stack(columns) / np.reshape(level, (-1, 1))
     basis, sizes, _ = np.linalg.svd(together, full_matrices=False)
     return np.asarray(basis[:, sizes > ALIKE * sizes[0]])
@@ -98,29 +98,54 @@ def limited(
     what is constant over one of them is not limited.
     """
     # Another law of a slow effect is slow, too; but that of a fast one may have slow parts, as a square has. A level that
-    # changes fast is part of neither. Gaps are bridged by straight lines: a law is no freer because samples are missing.
-    # A cosine transform of each recording has no jump at its ends.
+    # changes fast is part of neither. Missing samples free no law, so gaps are bridged. A cosine transform of each
+    # recording has no jump at its ends.
     from scipy.fft import dct, idct
 
-    steps = np.diff(times)
-    step = float(np.median(steps)) if steps.size else 1.0
-    clocks = np.split(times, 1 + np.flatnonzero(np.diff(records)))
-    grids = [np.linspace(clock[0], clock[-1], 1 + round(np.ptp(clock) / step)) for clock in clocks]
-    longest = max(grid.size for grid in grids)
+    grids = _grids(times, records)
+    longest = max(grid.size for _, grid in grids)
     where = np.concatenate(
-        [np.floor(np.log2(np.maximum(np.arange(grid.size) * (longest / grid.size), 0.5))).astype(int) for grid in grids]
+        [
+            np.floor(np.log2(np.maximum(np.arange(grid.size) * (longest / grid.size), 0.5))).astype(int)
+            for _, grid in grids
+        ]
     )
-    spectra = []
-    for rows in (change * level, does * level):
-        pieces = zip(grids, clocks, np.split(rows, np.cumsum([clock.size for clock in clocks])[:-1]), strict=True)
-        spectra.append(np.concatenate([dct(np.interp(*piece), norm="ortho") for piece in pieces]))
+    spectra = [
+        np.concatenate([dct(piece, norm="ortho") for piece in _bridged(rows, grids)])
+        for rows in (change * level, does * level)
+    ]
     own, other = (np.bincount(where + 1, weights=spectrum**2) for spectrum in spectra)
     above = np.cumsum(other[::-1])[::-1]
     shares = np.sqrt(np.minimum(np.divide(above, own, out=np.ones_like(own), where=own > 0.0), 1.0))
     shares[0] = 1.0
-    kept = np.split(spectra[0] * shares[where + 1], np.cumsum([grid.size for grid in grids])[:-1])
-    back = [np.interp(c, g, idct(part, norm="ortho")) for c, g, part in zip(clocks, grids, kept, strict=True)]
-    return np.concatenate(back) / level
+    kept = np.split(spectra[0] * shares[where + 1], np.cumsum([grid.size for _, grid in grids])[:-1])
+    return _counted([idct(piece, norm="ortho") for piece in kept], grids) / level
+
+
+_Grids = list[tuple[np.ndarray, np.ndarray]]
+"""Times of the samples of each recording, and equally spaced times from its first to its last sample."""
+
+
+def _step(times: np.ndarray) -> float:
+    steps = np.diff(times)
+    return float(np.median(steps)) if steps.size else 1.0
+
+
+def _grids(times: np.ndarray, records: np.ndarray) -> _Grids:
+    step, clocks = _step(times), np.split(times, 1 + np.flatnonzero(np.diff(records)))
+    return [(clock, np.linspace(clock[0], clock[-1], 1 + round(float(np.ptp(clock)) / step))) for clock in clocks]
+
+
+def _bridged(values: np.ndarray, grids: _Grids) -> Iterator[np.ndarray]:
+    """Yield the values, (n,), of each recording at equally spaced times, with straight lines over gaps."""
+    pieces = np.split(values, np.cumsum([clock.size for clock, _ in grids])[:-1])
+    return (np.interp(grid, clock, piece) for (clock, grid), piece in zip(grids, pieces, strict=True))
+
+
+def _counted(pieces: Sequence[np.ndarray], grids: _Grids) -> np.ndarray:
+    """Return the values at the samples, (n,), from those at equally spaced times."""
+    pairs = zip(grids, pieces, strict=True)
+    return np.concatenate([np.interp(clock, grid, piece) for (clock, grid), piece in pairs])
 
 
 def _unit(values: np.ndarray) -> np.ndarray:
