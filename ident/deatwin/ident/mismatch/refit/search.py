@@ -187,7 +187,7 @@ def _moved(
 
 
 def _squares(plant: Plant, parts: Sequence[Part]) -> float:
-    left = free_run_residuals(plant, [part.until_last() for part in parts])
+    left = free_run_residuals(plant, parts)
     return float(np.inf) if left is None else float(np.sum(left**2))
 
 
