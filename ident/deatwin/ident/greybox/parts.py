@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -180,22 +180,34 @@ def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:
     )
 
 
+def shared(plant: Plant, parts: Sequence[Part]) -> Iterator[tuple[Part, Timeline, int, np.ndarray]]:
+    """Yield each part with its experiment's timeline, the number of samples to simulate, and the indices of its own, (n,).
+
+    All readings of an experiment share a simulation, which ends at the last sample that is selected in any of them.
+    """
+    timelines = [plant.timeline(part.experiment) for part in parts]
+    each = [part.counted(timeline) for part, timeline in zip(parts, timelines, strict=True)]
+    ends: dict[tuple[object, ...], int] = {}
+    for part, counted in zip(parts, each, strict=True):
+        ends[part.history] = max(ends.get(part.history, 1), int(counted.max(initial=0)) + 1)
+    for part, timeline, counted in zip(parts, timelines, each, strict=True):
+        yield part, timeline, ends[part.history], counted
+
+
 def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
     """Return a plant's free-run readings at the selected samples. `parts` selects samples; returns (n,)."""
     pieces, known = [], {}
-    for part in parts:
-        timeline = plant.timeline(part.experiment)
+    for part, timeline, end, counted in shared(plant, parts):
         if part.history not in known:
             # `plant.simulate` would also look for events, which takes as long again
-            known[part.history] = plant.runner.run(**plant.given(timeline))
+            known[part.history] = plant.runner.run(**plant.given(timeline, end))
         run = known[part.history]
         if not run.status.ok:
             return None
-        counted = part.counted(timeline) + 1
         if part.reading:
-            pieces.append(part.weight * run.further[counted, part.row(plant.rig) - 1])
+            pieces.append(part.weight * run.further[counted + 1, part.row(plant.rig) - 1])
         else:
-            pieces.append(run.outputs[counted])
+            pieces.append(run.outputs[counted + 1])
     return np.concatenate(pieces)
 
 

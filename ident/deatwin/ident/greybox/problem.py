@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.parts import Part, shared
 from deatwin.ident.greybox.watch import Watch, unwatched
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
@@ -56,14 +56,10 @@ class Problem:
         columns = [free.index(n) for n in self.names]
         slope = np.array([p.scale.slope(p.value) for p in (plant.parameters[n] for n in self.names)])
         residuals, jacobians, runs = [], [], {}
-        for part in self.parts:
-            timeline = plant.timeline(part.experiment)
-            counted = part.counted(timeline)
-            end = counted.max() + 1
-            key = (part.history, end)
-            if key not in runs:
-                runs[key] = plant.runner.run_with_sensitivities(**plant.given(timeline, end))
-            run, row = runs[key], part.row(plant.rig) - 1
+        for part, timeline, end, counted in shared(plant, self.parts):
+            if part.history not in runs:
+                runs[part.history] = plant.runner.run_with_sensitivities(**plant.given(timeline, end))
+            run, row = runs[part.history], part.row(plant.rig) - 1
             if not run.status.ok or run.sensitivities is None:
                 return None
             readings, slopes = run.outputs, run.sensitivities

@@ -94,7 +94,8 @@ def largest_alike(residuals: np.ndarray, jacobian: np.ndarray) -> float:
     """Return the largest rms error that does not differ from a fit's; `residuals` (m,), `jacobian` (m, n)."""
     # Residuals that are correlated in time count as fewer samples; the ratio of the variances shows how many.
     white, robust = white_variances(residuals, jacobian), np.diag(covariance(residuals, jacobian))
-    fewer = float(np.max(np.divide(robust, white, out=np.ones_like(white), where=white > 0.0)))
+    ratios = np.divide(robust, white, out=np.ones_like(white), where=white > 0.0)
+    fewer = float(np.max(ratios, initial=1.0))  # as many if no parameter shows it
     return float(np.sqrt((1.0 + _LIMIT * fewer / residuals.size) * np.mean(residuals**2)))
 
 

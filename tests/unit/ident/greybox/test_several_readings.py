@@ -1,6 +1,8 @@
 """Calibration on several readings against weighted least squares of a closed form."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +10,10 @@ from made_rigs import Tank
 from scipy.optimize import least_squares
 
 from deatwin.ident.greybox import calibrate
+from deatwin.ident.greybox.parts import free_run_residuals, parts_of
+from deatwin.ident.greybox.problem import Problem
 from deatwin.plant import DataError, Experiment, Plant, Reading, Recording
+from deatwin.plant.simulate import Simulator
 
 STEP, COUNT = 0.1, 300
 
@@ -83,3 +88,22 @@ def test_simulated_recordings_of_all_readings_give_the_plant_back(recording: Rec
     assert fit.residuals.size == 2 * COUNT
     low, high = fit.interval("drain", 4.0)
     assert low < 0.5 < high
+
+
+def test_readings_that_end_apart_share_a_simulation(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    flow = recording.extras["outflow"].copy()
+    flow[-50:] = np.nan
+    parts = parts_of(replace(recording, extras={"outflow": flow}), TANK)
+    plant, ran = Plant(rig=TANK), []
+
+    def noted(name: str) -> Callable[..., Any]:
+        run = getattr(Simulator, name)
+        return lambda *args, **given: (ran.append(name), run(*args, **given))[1]
+
+    for name in ("run", "run_with_sensitivities"):
+        monkeypatch.setattr(Simulator, name, noted(name))
+    problem = Problem(plant=plant, parts=parts, names=("drain", "area"))
+    residuals, _ = problem.evaluate(problem.start())
+    assert residuals == pytest.approx(free_run_residuals(plant, parts), abs=1e-9)
+    assert [part.size for part in parts] == [COUNT, COUNT - 100]
+    assert ran == ["run_with_sensitivities", "run"]

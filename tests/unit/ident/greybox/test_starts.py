@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from made_rigs import Bare
+from scipy.stats import chi2
 
 from deatwin.ident.greybox import FitStatus, Part, calibrate, profile, starts
 from deatwin.ident.greybox.minimum import Minimum
@@ -230,3 +231,10 @@ def test_a_parameter_outside_of_an_expressions_domain_is_named_with_it(turned):
     found = calibrate(Plant(rig=Rooted(), values={"root": -1.0}), turned)
     assert found.status is FitStatus.IMPOSSIBLE and np.isnan(found.rms)
     assert "the mass of state level has no finite value: sqrt(root) has no finite value at root = -1" in str(found)
+
+
+def test_without_parameters_an_error_scatters_as_that_of_white_noise():
+    """Twice the log likelihood of two equal models differs by less than the 95 % quantile of its chi-squared law."""
+    left = np.random.default_rng(4).standard_normal(900)
+    limit = starts.largest_alike(left, np.empty((900, 0)))
+    assert limit**2 == pytest.approx((1.0 + chi2.ppf(0.95, 1) / 900) * np.mean(left**2))

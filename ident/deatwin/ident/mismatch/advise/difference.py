@@ -46,15 +46,15 @@ class Difference:
     Parameters
     ----------
     readings : ndarray, shape (n,)
-        Readings of the true explanation, record after record, SI.
+        Readings of the true explanation, experiment after experiment, SI.
     left : ndarray, shape (n,)
         Truth minus alternative after the alternative's refit, over the noise's level, SI.
     model_error : ndarray, shape (n,)
         Rms of the plant's own error at each sample, over the noise's level, SI.
     sizes : tuple of int
-        Samples of each record.
+        Samples of each experiment.
     names : tuple of str
-        Name of the reading in each record; the same in all if empty. Errors of different readings are independent.
+        Name of the reading in each experiment; the same in all if empty. Errors of different readings are independent.
     """
 
     readings: np.ndarray
@@ -82,11 +82,12 @@ class Difference:
         -------
         Difference
         """
-        pieces = [(part.reading, int(mask.sum())) for part in parts for mask in part.masks if mask.any()]
-        names, sizes = zip(*pieces, strict=True)
+        # An experiment is one piece, however it is cut into records: an error does not end where a sample is missing.
+        names, sizes = zip(*((part.reading, part.size) for part in parts if part.size), strict=True)
         each = zip(names, np.split(readings, np.cumsum(sizes)[:-1]), strict=True)
         # Further readings, in units of their own noise, say nothing about the motion.
-        motion = np.sqrt(np.mean([values.var() for name, values in each if name == names[0]]))
+        own = [values for name, values in each if name == names[0]]
+        motion = np.sqrt(sum(values.var() * values.size for values in own) / sum(values.size for values in own))
         error = max(plant.rig.for_motion(float(motion)).model_error for plant in (truth, alternative))
         return cls(readings=readings, left=left, model_error=error / level_of(parts), sizes=sizes, names=names)
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.special import erfcx, log_ndtr
 
 from deatwin.ident.mismatch.likelihood.model import Prior
 
@@ -82,15 +82,16 @@ def log_above(mean: np.ndarray, cov: np.ndarray, above: np.ndarray) -> np.ndarra
     # The limits are applied one after the other. This is exact for one variable or independent ones; otherwise each
     # variable is treated as normal again after each cut (Mendell & Elston 1974, doi:10.2307/2529617).
     mean, cov, total = mean.copy(), cov.copy(), np.zeros(len(mean))
+    least = np.finfo(float).eps * np.diagonal(cov, axis1=1, axis2=2)  # variances below it are rounding
     edges = (mean - above) / np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     for k in np.argsort(edges.mean(axis=0)):  # the largest cut comes first, since the first one is exact
-        spread = np.sqrt(cov[:, k, k])
+        spread = np.sqrt(np.maximum(cov[:, k, k], least[:, k]))
         edge = (mean[:, k] - above[k]) / spread
-        inside = log_ndtr(edge)
-        total += inside
-        # mean of the variable after the cut, in standard deviations
-        hazard = np.exp(-0.5 * (edge**2 + LOG_2PI) - inside)
+        total += log_ndtr(edge)
+        # mean of the variable after the cut, and the share of its variance that it loses, in standard deviations
+        hazard = np.sqrt(2.0 / np.pi) / erfcx(-edge / np.sqrt(2.0))
+        lost = np.clip(hazard * (hazard + edge), 0.0, 1.0)
         along = cov[:, :, k] / spread[:, None]
         mean += along * hazard[:, None]
-        cov -= np.einsum("gi,gj,g->gij", along, along, hazard * (hazard + edge))
+        cov -= np.einsum("gi,gj,g->gij", along, along, lost)
     return total

@@ -6,7 +6,7 @@ derivative), known directions, and slow modes. L λ: what another law of an effe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -26,10 +26,16 @@ GRID = 200
 
 
 def bends(simulated: np.ndarray, rms: float) -> np.ndarray:
-    """Return orthogonal polynomials of a reading, (n,), (n, 6); `rms`, SI, is that of their sum with normal weights."""
+    """Return orthogonal polynomials of a reading, (n,), (n, 6); `rms`, SI, is that of their sum with normal weights.
+
+    Columns beyond the number of different readings are 0.
+    """
+    # A reading with few different values has no more bends than values; a further direction is no function of it.
     first, last = DEGREES
-    basis = np.linalg.qr(legvander(_unit(simulated), last))[0][:, first:]
-    return basis * rms * np.sqrt(simulated.size / basis.shape[1])
+    basis, triangle = np.linalg.qr(legvander(_unit(simulated), last))
+    lengths = np.abs(np.diagonal(triangle))
+    bent = (lengths > simulated.size * np.finfo(float).eps * lengths.max())[first:]
+    return basis[:, first:] * bent * rms * np.sqrt(simulated.size / max(bent.sum(), 1))
 
 
 def timing(simulated: np.ndarray, times: np.ndarray, records: np.ndarray, shift: float) -> np.ndarray:
@@ -71,44 +77,75 @@ def law(
     from scipy.signal import lfilter
 
     does, clock = contribution * level, _unit(times)
-    along = does / max(float(np.abs(does).max()), TINY)
-    steps = np.diff(times)
-    step = float(np.median(steps)) if steps.size else 1.0
-    decays = np.exp(-step / np.geomspace(step, max(float(np.ptp(times)), 2.0 * step), FILTERS))
+    along, grids = does / max(float(np.abs(does).max()), TINY), _grids(times, records)
+    step = _step(times)
+    longest = max(float(np.ptp(grid)) for _, grid in grids)  # pauses between recordings do not count
+    decays = np.exp(-step / np.geomspace(step, max(longest, 2.0 * step), FILTERS))
     columns = [along, along**2, along**3, np.abs(along), along * clock, along * clock**2]
-    each = np.split(along, 1 + np.flatnonzero(np.diff(records)))
-    columns += [np.concatenate([lfilter([1.0 - k], [1.0, -k], piece) for piece in each]) for k in decays]
+    each = list(_bridged(along, grids))
+    columns += [_counted([lfilter([1.0 - k], [1.0, -k], piece) for piece in each], grids) for k in decays]
     together = np.column_stack(columns) / np.reshape(level, (-1, 1))
     basis, sizes, _ = np.linalg.svd(together, full_matrices=False)
     return np.asarray(basis[:, sizes > ALIKE * sizes[0]])
 
 
-def limited(change: np.ndarray, does: np.ndarray, pieces: Sequence[slice]) -> np.ndarray:
+def limited(
+    change: np.ndarray, does: np.ndarray, times: np.ndarray, records: np.ndarray, level: np.ndarray | float = 1.0
+) -> np.ndarray:
     """Limit a change, (n,), in each octave of frequency to what an effect, (n,), does there and above.
 
-    `pieces` are stretches of equal time steps. What is constant over the longest of them is not limited.
+    Both are over the noise's relative `level`, (n,). `records`, (n,), numbers the recordings, each of which begins anew:
+    what is constant over one of them is not limited.
     """
-    # Another law of a slow effect is slow, too; but that of a fast one may have slow parts, as a square has. A cosine
-    # transform of each piece has no jump at its ends.
+    # Another law of a slow effect is slow, too; but that of a fast one may have slow parts, as a square has. A level that
+    # changes fast is part of neither. Missing samples free no law, so gaps are bridged. A cosine transform of each
+    # recording has no jump at its ends.
     from scipy.fft import dct, idct
 
-    longest = max(piece.stop - piece.start for piece in pieces)
-    octaves = []
-    for piece in pieces:
-        size = piece.stop - piece.start
-        octaves.append(np.floor(np.log2(np.maximum(np.arange(size) * (longest / size), 0.5))).astype(int))
-    where = np.concatenate(octaves)
-    spectra = [np.concatenate([dct(rows[piece], norm="ortho") for piece in pieces]) for rows in (change, does)]
+    grids = _grids(times, records)
+    longest = max(grid.size for _, grid in grids)
+    where = np.concatenate(
+        [
+            np.floor(np.log2(np.maximum(np.arange(grid.size) * (longest / grid.size), 0.5))).astype(int)
+            for _, grid in grids
+        ]
+    )
+    spectra = [
+        np.concatenate([dct(piece, norm="ortho") for piece in _bridged(rows, grids)])
+        for rows in (change * level, does * level)
+    ]
     own, other = (np.bincount(where + 1, weights=spectrum**2) for spectrum in spectra)
     above = np.cumsum(other[::-1])[::-1]
     shares = np.sqrt(np.minimum(np.divide(above, own, out=np.ones_like(own), where=own > 0.0), 1.0))
     shares[0] = 1.0
-    kept = spectra[0] * shares[where + 1]
-    ends = np.cumsum([piece.stop - piece.start for piece in pieces])[:-1]
-    found = np.empty_like(change)
-    for piece, part in zip(pieces, np.split(kept, ends), strict=True):
-        found[piece] = idct(part, norm="ortho")
-    return found
+    kept = np.split(spectra[0] * shares[where + 1], np.cumsum([grid.size for _, grid in grids])[:-1])
+    return _counted([idct(piece, norm="ortho") for piece in kept], grids) / level
+
+
+_Grids = list[tuple[np.ndarray, np.ndarray]]
+"""Times of the samples of each recording, and equally spaced times from its first to its last sample."""
+
+
+def _step(times: np.ndarray) -> float:
+    steps = np.diff(times)
+    return float(np.median(steps)) if steps.size else 1.0
+
+
+def _grids(times: np.ndarray, records: np.ndarray) -> _Grids:
+    step, clocks = _step(times), np.split(times, 1 + np.flatnonzero(np.diff(records)))
+    return [(clock, np.linspace(clock[0], clock[-1], 1 + round(float(np.ptp(clock)) / step))) for clock in clocks]
+
+
+def _bridged(values: np.ndarray, grids: _Grids) -> Iterator[np.ndarray]:
+    """Yield the values, (n,), of each recording at equally spaced times, with straight lines over gaps."""
+    pieces = np.split(values, np.cumsum([clock.size for clock, _ in grids])[:-1])
+    return (np.interp(grid, clock, piece) for (clock, grid), piece in zip(grids, pieces, strict=True))
+
+
+def _counted(pieces: Sequence[np.ndarray], grids: _Grids) -> np.ndarray:
+    """Return the values at the samples, (n,), from those at equally spaced times."""
+    pairs = zip(grids, pieces, strict=True)
+    return np.concatenate([np.interp(clock, grid, piece) for (clock, grid), piece in pairs])
 
 
 def _unit(values: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ def contribution(problem: DiagnosisProblem, explanation: Calibration, added: Seq
     """
     if not added:
         return np.zeros_like(explanation.residuals)
-    without = simulated(explanation.plant.without_effects(*added), [part.until_last() for part in problem.fitted])
+    without = simulated(explanation.plant.without_effects(*added), problem.fitted)
     if without is None:
         return np.full_like(explanation.residuals, np.inf)
     return (readings_of_fit(problem.fitted, explanation.residuals) - without) / level_of(problem.fitted)

@@ -153,7 +153,7 @@ def response(
 
     def does(strength: float) -> np.ndarray | None:
         built = plant.with_effects(replace(effect, **{effect.strength: strength}))
-        readings = simulated(built, [part.until_last() for part in parts])
+        readings = simulated(built, parts)
         return None if readings is None else (readings - without) / level_of(parts)
 
     typical = abs(effect.described(effect.strength).value)

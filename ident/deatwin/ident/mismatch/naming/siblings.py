@@ -91,7 +91,7 @@ def _bare(problem: DiagnosisProblem, explanation: Calibration) -> Calibration | 
     )
     kept = [k for k, name in enumerate(explanation.names) if name in plant.parameters]
     names = tuple(explanation.names[k] for k in kept)
-    fitting = Problem(plant=plant, parts=tuple(part.until_last() for part in problem.fitted), names=names)
+    fitting = Problem(plant=plant, parts=problem.fitted, names=names)
     found = fitting.evaluate(fitting.start())
     if found is None:
         return None
@@ -109,7 +109,7 @@ def _bare(problem: DiagnosisProblem, explanation: Calibration) -> Calibration | 
 def _at_its_strength(problem: DiagnosisProblem, bare: Calibration, lead: Lead, done: Calibration) -> Lead | None:
     """Return a lead at the strength at which it is most similar."""
     strength = getattr(lead.estimate, lead.estimate.strength)
-    readings = simulated(bare.plant.with_effects(lead.estimate), [part.until_last() for part in problem.fitted])
+    readings = simulated(bare.plant.with_effects(lead.estimate), problem.fitted)
     if strength == 0.0 or readings is None:
         return None
     change = (readings - readings_of_fit(problem.fitted, bare.residuals)) / level_of(problem.fitted)

@@ -56,8 +56,6 @@ contribution: of the part that another law of the same mechanism could cause, an
 LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
 """Effects whose laws vary more, and not by a filter; for them both deviations have this value. It was measured between
 other laws of these mechanisms and the catalogue's (docs/development/evidence.md)."""
-GAP = 0.5
-"""Smallest deviation of a time step from the usual one that counts as a gap, in usual steps."""
 FAR = 1e-300
 """Smallest divisor."""
 
@@ -121,10 +119,9 @@ class Scale:
                 above=np.append(prior.above, np.full(law.shape[1], -np.inf)),
             )
         events = sum(name in fit.plant.event_times for name in fit.names)
-        # The prior of an event's time is uniform over the recordings; readings are not smooth in it, and show it to
-        # about a sample.
+        # An event is equally likely at each sample; readings are not smooth in its time, and show it to about a sample.
         weighed = evidence(self.error.likelihood(fit.residuals, columns), prior)
-        placed = events * float(np.log(np.ptp(self.error.times) / self.error.of[0].sample_time))
+        placed = events * float(np.log(self.error.moments))
         return weighed.log + factor + self.log_prior_of_rig(candidate) - placed
 
     @cached_property
@@ -176,20 +173,14 @@ class Scale:
     def _rest(self, direction: np.ndarray, alone: Candidate) -> np.ndarray:
         """Return the expected law error of one effect along a direction, (n,), that no other law of it would cause."""
         error, does = structured.known(direction[:, None], self._missed(alone)[1:])[:, 0], alone.contribution
-        return structured.limited(error, does, self._pieces) if _is_known(does) else error
-
-    @cached_property
-    def _pieces(self) -> list[slice]:
-        """Return the stretches of fitted samples of one reading without a gap."""
-        steps = np.diff(self.error.times)
-        apart = (np.abs(steps - np.median(steps)) > GAP * np.median(steps)) | (np.diff(self.error.records) > 0)
-        ends = [*(1 + np.flatnonzero(apart)), self.error.times.size]
-        return [slice(int(a), int(b)) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
+        if not _is_known(does):
+            return error
+        return structured.limited(error, does, self.error.times, self.error.records, level_of(self.problem.fitted))
 
     def _missed(self, alone: Candidate) -> tuple[float, float]:
         """Return the rms law error of one effect, SI: the part another law could cause, and the rest."""
         # Without the effect the plant may have no equilibrium; no contribution exceeds the whole motion.
-        does = min(_rms(alone.contribution), float(np.std(self.error.readings)))
+        does = min(_rms(alone.contribution), self.error.motion)
         own, other = (LOOSE, LOOSE) if LOOPS.intersection(alone.effects) else (OWN, OTHER)
         return own * does, other * does
 

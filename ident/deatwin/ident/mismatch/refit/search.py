@@ -76,8 +76,8 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
         if not again.status.ok:
             break
         spent = found.evaluations + again.evaluations - 1  # both fits count the simulation that they share
-        gained, found = 1.0 - (again.rms / found.rms) ** 2, replace(again, evaluations=spent)
-        if gained < DECIDING:
+        settled, found = again.rms**2 >= (1.0 - DECIDING) * found.rms**2, replace(again, evaluations=spent)
+        if settled:
             break
     return found
 
@@ -187,7 +187,7 @@ def _moved(
 
 
 def _squares(plant: Plant, parts: Sequence[Part]) -> float:
-    left = free_run_residuals(plant, [part.until_last() for part in parts])
+    left = free_run_residuals(plant, parts)
     return float(np.inf) if left is None else float(np.sum(left**2))
 
 

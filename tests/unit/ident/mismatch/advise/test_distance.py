@@ -141,6 +141,19 @@ def test_a_further_reading_in_units_of_its_noise_is_no_motion():
     assert both.model_error == pytest.approx(np.full(2 * readings.size, alone.model_error[0]))
 
 
+def test_an_experiment_is_one_however_it_is_cut_into_records():
+    """Missing rows cut an experiment into records, but neither the plant's motion nor its slow errors end there."""
+    t = np.arange(1500) * STEP
+    readings, left = 1e-4 * np.sin(0.4 * np.pi * t), 1e-6 * np.sin(0.1 * np.pi * t)
+    plant = Plant(rig=Coarse())
+    for size in (1500, 50):
+        begins = STEP * np.arange(0, 1500, size)
+        records = tuple(Recording.from_arrays(np.zeros(size), np.zeros(size), STEP, start=at) for at in begins)
+        found = Difference.between(plant, plant, readings, left, [Part.whole(Experiment(recordings=records))])
+        cov = spread(readings, NOISE, 0.01 * readings.std())
+        assert found.squared_distance(NOISE) == pytest.approx((left @ left) ** 2 / (left @ cov @ left), rel=1e-9)
+
+
 def test_thousands_of_samples_of_a_tenth_of_the_model_error_tell_nothing():
     t = np.arange(6000) * STEP
     readings = 200e-6 * np.sin(np.pi * t)

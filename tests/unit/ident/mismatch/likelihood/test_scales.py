@@ -9,6 +9,7 @@ from scipy.integrate import trapezoid
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
+from deatwin.ident.mismatch.likelihood.laplace import log_above
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior, Process, Reading
 from deatwin.ident.mismatch.likelihood.scales import _integral, evidence, weighed
 from deatwin.plant.errors import DataError
@@ -185,6 +186,17 @@ def test_two_amplitudes_that_imitate_each_other_against_quadrature():
         free, limited = Prior.of((2, None)), Prior.of((2, None), one_sided=[0, 1])
         gained = evidence([reading], limited).log - evidence([reading], free).log
         assert gained == pytest.approx(float(np.log(4.0 * share)), abs=0.1)
+
+
+@pytest.mark.parametrize("alike", [0.0, 0.9, 0.999999, 1.0])
+@pytest.mark.parametrize("edge", [-1e1, -1e3, -1e5, -1e7, -1e9])
+def test_amplitudes_far_below_zero_are_as_unlikely_as_where_both_are_zero(alike, edge):
+    """Two deviates with one correlation r lie at 0 at the earliest: exp(-edge² / (1 + r)), but for powers of the edge.
+
+    Readings without noise have such edges.
+    """
+    found = log_above(np.full((1, 2), edge), np.array([[[1.0, alike], [alike, 1.0]]]), np.zeros(2))[0]
+    assert found == pytest.approx(-(edge**2) / (1.0 + alike), abs=4.0 * np.log(-edge), rel=1e-12)
 
 
 def test_readings_that_cannot_be_weighed_are_refused():

@@ -25,6 +25,16 @@ def test_bends_are_orthogonal_to_what_parameters_take_up_and_of_the_stated_size(
     assert np.abs(left).max() < 1e-9 * np.abs(MOTION**3).max()
 
 
+@pytest.mark.parametrize("values", [[3e-4], [0.0, 1e-4], [0.0, 1e-4, 5e-4]])
+def test_an_error_that_repeats_is_the_same_wherever_the_reading_is(values):
+    """A function of a reading with two values is a straight line, which parameters take up, and one of three has a bend."""
+    reading = np.random.default_rng(0).choice(values, 300)
+    covariance = bends(reading, 3e-7) @ bends(reading, 3e-7).T
+    of_values = [covariance[np.flatnonzero(reading == value)[0]] for value in reading]
+    np.testing.assert_allclose(covariance, of_values, atol=1e-9 * 3e-7**2)
+    assert np.mean(np.diag(covariance)) == pytest.approx(3e-7**2 if len(values) > 2 else 0.0)
+
+
 def test_timing_is_the_change_over_a_shift():
     records = (TIMES >= 30.0).astype(int)
     times = TIMES + 500.0 * records
@@ -64,20 +74,51 @@ def test_another_law_of_an_effect_is_bent_or_has_other_times():
     assert outside(np.sin(2.0 * np.pi * 3.0 * TIMES)) > 0.99
 
 
-def test_another_law_begins_anew_in_each_recording():
+@pytest.mark.parametrize("pause", [0.0, 3600.0])
+def test_another_law_begins_anew_in_each_recording(pause):
     """A lag of what an effect does is a part of the laws in each of several recordings, as in one."""
     one = np.exp(-((TIMES[:600] - 9.0) ** 2))
-    keep = np.exp(-0.02 / np.geomspace(0.02, np.ptp(TIMES), FILTERS)[4])
+    keep = np.exp(-0.02 / np.geomspace(0.02, TIMES[599], FILTERS)[4])
     lagged = lfilter([1.0 - keep], [1.0, -keep], one)
-    basis = law(np.tile(one, 5), TIMES, np.repeat(np.arange(5), 600))
+    records = np.repeat(np.arange(5), 600)
+    basis = law(np.tile(one, 5), TIMES + pause * records, records)
     late = np.tile(lagged, 5)
     assert np.linalg.norm(late - basis @ (basis.T @ late)) < 1e-6 * np.linalg.norm(late)
 
 
+def test_another_law_remembers_what_an_effect_did_while_samples_are_missing():
+    """A straight line over a missing sample is off by (2 w h)² / 8, 1 % of the faster tone, at one sample of twenty."""
+    tones = np.sin(2.0 * np.pi * 0.4 * TIMES) + 0.5 * np.sin(2.0 * np.pi * 1.1 * TIMES + 1.0)
+    seen = np.arange(TIMES.size) % 20 != 7
+    basis = law(tones[seen], TIMES[seen], np.zeros(seen.sum()))
+    for time in np.geomspace(0.02, np.ptp(TIMES), FILTERS):
+        late = lfilter([1.0 - np.exp(-0.02 / time)], [1.0, -np.exp(-0.02 / time)], tones)[seen]
+        assert np.linalg.norm(late - basis @ (basis.T @ late)) < 0.01 / 20 * np.linalg.norm(late)
+
+
 def test_a_change_is_limited_where_the_effect_does_less():
-    """A slow tone passes, a fast one is cut to what the effect does there; pieces keep their own ends."""
-    times, pieces = 0.02 * np.arange(3000), (slice(0, 2000), slice(2000, 3000))
-    slow, fast = (np.cos(2.0 * np.pi * f * (times + 0.01)) for f in (0.05, 5.0))  # whole half periods in each piece
-    np.testing.assert_allclose(limited(slow + fast, slow + 0.2 * fast, pieces), slow + 0.2 * fast, atol=1e-12)
-    np.testing.assert_allclose(limited(slow, fast, pieces), slow, atol=1e-12)  # a square, say, has slow parts
-    np.testing.assert_allclose(limited(np.full(3000, 2.0), slow, pieces), 2.0, atol=1e-12)  # constants are kept
+    """A slow tone passes, a fast one is cut to what the effect does there; each recording keeps its own ends."""
+    times, records = 0.02 * np.arange(3000), np.repeat([0, 1], [2000, 1000])
+    slow, fast = (np.cos(2.0 * np.pi * f * (times + 0.01)) for f in (0.05, 5.0))  # whole half periods in each recording
+    some = times, records
+    np.testing.assert_allclose(limited(slow + fast, slow + 0.2 * fast, *some), slow + 0.2 * fast, atol=1e-12)
+    np.testing.assert_allclose(limited(slow, fast, *some), slow, atol=1e-12)  # a square, say, has slow parts
+    np.testing.assert_allclose(limited(np.full(3000, 2.0), slow, *some), 2.0, atol=1e-12)  # constants are kept
+
+
+def test_missing_samples_and_noise_that_varies_do_not_free_a_law():
+    """A slow effect has no jump, in whatever samples and units of the noise a jump is seen.
+
+    A straight line over one missing sample is off by (2 * 0.02 s / 50 s)² / 8 = 8e-8 of the drift, and the limit by a few
+    times that share of the jump, which is known on both sides.
+    """
+    times = 0.02 * np.arange(6000)
+    drift, jump = 1.0 - np.exp(-times / 50.0), 0.02 * ((times > 62.0) - 0.5)
+    whole = limited(jump, drift, times, np.zeros(times.size))
+    edge = np.flatnonzero(jump > 0.0)[0]
+    assert whole[edge] - whole[edge - 1] < 0.2 * 0.02
+    seen = np.arange(times.size) % 20 != 7
+    few = limited(jump[seen], drift[seen], times[seen], np.zeros(seen.sum()))
+    np.testing.assert_allclose(few, whole[seen], atol=1e-6 * 0.02)
+    level = np.where(np.arange(times.size) % 3 > 0, 0.5, 2.0)
+    np.testing.assert_allclose(limited(jump / level, drift / level, times, np.zeros(times.size), level) * level, whole)

@@ -169,9 +169,23 @@ def test_beyond_a_bound_nothing_is_likely(scale):
     assert found == pytest.approx(exact, abs=1.0)
 
 
-def test_when_an_event_came_costs_what_a_sum_over_all_samples_says(scale):
-    """A jump of six times the noise is seen to a sample: its evidence is the mean of those at each sample."""
-    rng, jump = np.random.default_rng(10), effect_named("sensor_jump")
+@pytest.mark.parametrize("pause", [0.0, 3600.0])
+def test_when_an_event_came_costs_what_a_sum_over_all_samples_says(problem, pause):
+    """A jump of six times the noise is seen to a sample: its evidence is the mean of those at each sample, whatever time
+    passes between two experiments.
+    """
+    (part,), halves = problem.fitted, (slice(0, 750), slice(750, 1500))
+    problem.fitted = tuple(
+        SimpleNamespace(
+            **{**vars(part), "timepts": TIMES[h] + k * pause, "size": 750, "measured": MOTION[h], "level": np.ones(750)}
+        )
+        for k, h in enumerate(halves)
+    )
+    scale, rng, jump = (
+        Scale(problem=problem, base=NOTHING, noise=NOISE),
+        np.random.default_rng(10),
+        effect_named("sensor_jump"),
+    )
     strength, when = (next(p for p in jump.parameters if p.name == f"sensor_jump.{n}") for n in ("change", "at"))
     near = Scale(problem=SimpleNamespace(**{**vars(scale.problem), "everywhere": (jump,)}), base=NOTHING, noise=NOISE)
     noise = NOISE * rng.standard_normal(TIMES.size)

@@ -62,6 +62,15 @@ def test_a_finished_fit_counts_the_simulations_of_all_its_rounds(parts, monkeypa
     assert finish(rough, [whole]).evaluations == 7 + 3 * 2
 
 
+def test_a_fit_that_leaves_nothing_is_finished(parts, monkeypatch):
+    """Nothing can be gained from a residual of zero, which readings of the plant itself leave."""
+    _, whole = parts
+    rough = calibrate(Plant(rig=Diaphragm()), [whole], evaluations=1, starts=1)
+    exact = replace(rough, residuals=np.zeros_like(rough.residuals))
+    monkeypatch.setattr(search, "further", lambda *_, **__: exact)
+    assert finish(exact, [whole]).rms == 0.0
+
+
 def test_where_the_moved_plant_has_no_fit_the_one_before_stays(parts, monkeypatch):
     fitted, whole = parts
     fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=11.0)), [fitted], evaluations=4, starts=1)
