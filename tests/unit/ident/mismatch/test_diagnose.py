@@ -337,7 +337,8 @@ def test_each_step_has_a_dataset_of_its_own(creeping, kept):
     density = float(detected["spectrum"].integrate("frequency"))
     assert density == pytest.approx(float(findings.detection.size**2 + findings.base.noise**2), rel=0.5)
     located = kept(findings.location.to_xarray())
-    assert str(located["locate_place_place"][0].values) == creeping.location.place[0].place
+    # the shares that effects explain are added to the scores of their places afterwards
+    assert set(located["locate_place_place"].values) <= {entry.place for entry in creeping.location.place}
     assert located["locate_time_from_s"].attrs["units"] == "s"
 
 

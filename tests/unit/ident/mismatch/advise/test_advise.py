@@ -360,7 +360,7 @@ def test_the_same_effects_on_another_form_of_the_rig_get_a_number():
 def test_an_input_stays_between_rest_and_recordings_if_it_would_move_the_plant_too_far():
     # near 3 kV a small sine moves the film by few micrometres: the whole range would by hundreds
     high = blank(2.9 + 0.05 * (sine(20.0, 0.5) - 2.3))
-    nominal = Plant(rig=Diaphragm(noise=2e-7, model_error=2e-7, command_range=(0.0, 3.4)))
+    nominal = Plant(rig=Diaphragm(noise=2e-7, model_error=2e-7, command_range=(0.0, 3.6)))
     concealed = nominal.with_values(WRONG).with_effects(SensorLag(time=0.05))
     problem = bench_of(nominal, concealed.record(high, np.random.default_rng(0)))
     fits = [

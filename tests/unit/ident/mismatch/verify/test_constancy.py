@@ -124,7 +124,7 @@ def test_what_speaks_against_an_effect(change, deviation, holds):
 @pytest.mark.skipif(compiler() is None, reason="many runs: without a C compiler they take ten times as long")
 def test_a_clock_that_runs_fast_is_no_delay():
     plant, rng = Plant(rig=Diaphragm()), np.random.default_rng(11)
-    command = band_limited_noise(rng, 60.0, STEP)
+    command = band_limited_noise(rng, 120.0, STEP)
     blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), STEP),))
     times = blank.recordings[0].timepts
     noise = NOISE * rng.normal(size=times.size)
