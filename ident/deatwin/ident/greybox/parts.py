@@ -216,6 +216,13 @@ def level_of(parts: Sequence[Part]) -> np.ndarray:
     return np.concatenate([part.level for part in parts])
 
 
+def motion_of(parts: Sequence[Part], readings: np.ndarray) -> float:
+    """Return the rms of readings, (n,), each about its own mean: the zero of a further reading is no motion."""
+    names = np.repeat([part.reading for part in parts], [part.size for part in parts])
+    powers = sum(np.sum((own - own.mean()) ** 2) for own in (readings[names == name] for name in np.unique(names)))
+    return float(np.sqrt(powers / readings.size))
+
+
 def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
     """Return (measured - simulated) / noise level at the selected samples. `parts` selects samples; returns (n,)."""
     readings = simulated(plant, parts)

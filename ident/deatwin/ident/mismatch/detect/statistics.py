@@ -20,6 +20,8 @@ from deatwin.ident.mismatch.detect.leftover import Leftover
 
 LAGS = 9
 """Number of lags: 0, 1, 4, 16, ... samples, as far as a tenth of the longest recording."""
+TINY = 1e-300
+"""Smallest power, instead of that of a plant's own readings without noise."""
 GROUPS = ("variance ratio", "cumulative periodogram", "correlation with the command", "correlation of the square")
 
 
@@ -53,13 +55,13 @@ class Battery:
     def __call__(self, residuals: np.ndarray) -> Scores:
         """Return all statistics of residuals, (b, n), SI."""
         squares = residuals**2
-        power = squares.mean(axis=1, keepdims=True)
-        scatter = np.sqrt(np.maximum((squares**2).mean(axis=1, keepdims=True) - power**2, 1e-300))
+        power = np.maximum(squares.mean(axis=1, keepdims=True), TINY)
+        scatter = np.sqrt(np.maximum((squares**2).mean(axis=1, keepdims=True) - power**2, TINY))
         return Scores(
             linear=residuals @ self.regressors / np.sqrt(power),
             # the regressors have zero mean, so the mean of the squares has no effect
             squared=squares @ self.regressors / scatter,
-            ratios=np.log(squares @ self._averages / self.left.floor),
+            ratios=np.log(np.maximum(squares @ self._averages, TINY) / self.left.floor),
             spectra=self._cumulated(residuals),
         )
 
@@ -69,7 +71,9 @@ class Battery:
         return np.fft.rfftfreq(self.lines, self.left.sample_time)[1:]
 
     def _cumulated(self, residuals: np.ndarray) -> np.ndarray:
-        power = np.abs(rfft(residuals, n=self.lines, axis=1)[:, 1:]) ** 2
+        power = (
+            np.abs(rfft(residuals, n=self.lines, axis=1)[:, 1:]) ** 2 + TINY
+        )  # without a residual, that of white noise
         total = np.cumsum(power, axis=1)
         return total / total[:, -1:]
 

@@ -29,12 +29,6 @@ class OwnErrors:
         return self._joined([one.readings for one in self.of])
 
     @property
-    def motion(self) -> float:
-        """Return the rms of all simulated readings, each about its own mean: the zero of a reading is no motion."""
-        powers = sum(one.readings.var() * one.readings.size for one in self.of)
-        return float(np.sqrt(powers / sum(at.size for at in self.at)))
-
-    @property
     def times(self) -> np.ndarray:
         """Clock times of all samples, shape (n,), s."""
         return self._joined([one.times for one in self.of])

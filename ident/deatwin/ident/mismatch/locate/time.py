@@ -154,9 +154,11 @@ def _few_change_points(features: np.ndarray) -> list[int]:
 
 def _change_points(features: np.ndarray, penalty: float) -> list[int]:
     """Divide rows of features optimally into pieces of constant mean."""
-    # Differences of neighbours show the scatter without the levels.
-    scatter = np.median(np.abs(np.diff(features, axis=1)), axis=1) / (0.6745 * np.sqrt(2)) + 1e-300
-    standard = features / scatter[:, None]
+    # Differences of neighbours show the scatter without the levels. Where most are 0, as in the half of a record in which
+    # a reading is missing, they show none, and the levels themselves must do.
+    scatter = np.median(np.abs(np.diff(features, axis=1)), axis=1) / (0.6745 * np.sqrt(2))
+    scatter = np.where(scatter > 0.0, scatter, features.std(axis=1))
+    standard = features / np.where(scatter > 0.0, scatter, 1.0)[:, None]
     n = standard.shape[1]
     sums = np.concatenate([np.zeros((standard.shape[0], 1)), np.cumsum(standard, axis=1)], axis=1)
     squares = np.concatenate([[0.0], np.cumsum((standard**2).sum(axis=0))])

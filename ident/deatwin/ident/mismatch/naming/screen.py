@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import Part, first_only, level_of, reading_times, simulated
+from deatwin.ident.greybox.parts import Part, first_only, level_of, motion_of, reading_times, simulated
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.problem import DiagnosisProblem
@@ -41,7 +41,7 @@ SEEN = 1e-3
 """Smallest change at which these simulations aim, as a share of the motion: a thousand times the accuracy of a
 simulation."""
 TINY = 1e-300
-"""Smallest size whose logarithm is taken."""
+"""Smallest size whose logarithm is taken, or by which another is divided."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,7 +157,7 @@ def response(
         return None if readings is None else (readings - without) / level_of(parts)
 
     typical = abs(effect.described(effect.strength).value)
-    wanted = max(missing, SEEN * float(np.std(without)))
+    wanted = max(missing, SEEN * motion_of(parts, without))
     for strength in (share * typical for share in WEAKER):
         change = does(strength)
         if change is not None:
@@ -198,7 +198,7 @@ def _lead(known: LinearisedResponse, residual: np.ndarray, basis: np.ndarray) ->
     if along < 0.0 and known.effect.described(known.effect.strength).lower >= 0.0:
         return Lead(effect=known.effect, share=0.0, estimate=known.effect)
     start, estimate = started(known.effect, along / length if along else 0.0)
-    return Lead(effect=start, share=along**2 / float(residual @ residual), estimate=estimate)
+    return Lead(effect=start, share=along**2 / max(float(residual @ residual), TINY), estimate=estimate)
 
 
 def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:

@@ -28,7 +28,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import level_of
+from deatwin.ident.greybox.parts import level_of, motion_of
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.likelihood import structured
 from deatwin.ident.mismatch.likelihood.beforehand import (
@@ -180,7 +180,7 @@ class Scale:
     def _missed(self, alone: Candidate) -> tuple[float, float]:
         """Return the rms law error of one effect, SI: the part another law could cause, and the rest."""
         # Without the effect the plant may have no equilibrium; no contribution exceeds the whole motion.
-        does = min(_rms(alone.contribution), self.error.motion)
+        does = min(_rms(alone.contribution), motion_of(self.problem.fitted, self.error.readings))
         own, other = (LOOSE, LOOSE) if LOOPS.intersection(alone.effects) else (OWN, OTHER)
         return own * does, other * does
 

@@ -191,6 +191,15 @@ def test_coloured_noise_is_no_alarm():
     assert alarms <= 1  # at one in a hundred, two of eight come three times in a thousand
 
 
+def test_readings_that_the_plant_makes_itself_are_no_alarm():
+    """A residual of exactly zero is smaller than all that chance makes, and has the spectrum of no other."""
+    left = film(600, 5)
+    found = detect_in(left.with_residual(np.zeros(600)), np.random.default_rng(5), draws=99)
+    assert (found.size, found.mismatch) == (0.0, False)
+    assert found.p_value == pytest.approx(1.0, abs=0.05)
+    assert np.isfinite([one.p_value for one in found.statistics]).all()
+
+
 def test_a_short_loud_record_is_no_alarm_by_its_size():
     """Of 300 samples 90 are unseen, whose power scatters by 15 %: a fifth more than the noise's is nothing there."""
     alarms = 0

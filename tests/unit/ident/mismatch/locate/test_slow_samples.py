@@ -65,3 +65,10 @@ def test_a_gaussian_process_learns_a_lagged_residual(sample_time: float) -> None
     )
     left = residual[400:] - learned.predicted
     assert left.std() < 0.5 * residual.std()  # a lag of one sample, of five regressors
+
+
+def test_a_reading_that_is_missing_for_most_of_a_record_has_its_mismatch_where_it_is_known() -> None:
+    """Missing values count as 0, and most windows are then alike."""
+    residual = np.where(np.arange(1500) < 500, 2.0 + np.random.default_rng(6).normal(size=1500), 0.0)
+    (window,) = locate_time([track(residual, 0.02)], 1.0).windows
+    assert (window.from_s, window.to_s) == pytest.approx((0.0, 10.0), abs=0.1)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_rigs import Wire
 
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.parts import simulated
@@ -22,11 +23,13 @@ from deatwin.ident.mismatch.naming.screen import (
 from deatwin.plant import (
     AmplifierSaturation,
     Creep,
+    Delay,
     Diaphragm,
     EndStop,
     Experiment,
     PeriodicDisturbance,
     Plant,
+    Reading,
     ReadingTime,
     Recording,
     SensorLag,
@@ -167,3 +170,21 @@ def test_a_tone_is_looked_for_with_its_phase_at_the_readings(reading, frequency)
     cycles, turned = frequency * 20.0, 4 * 0.1 * np.sqrt(2 / 1000)
     assert lead.estimate.frequency * 20.0 == pytest.approx(cycles, abs=np.sqrt(12) * turned / (2 * np.pi))
     assert lead.estimate.phase == pytest.approx(tone.phase, abs=2 * turned)
+
+
+def test_the_zero_of_a_further_reading_does_not_change_how_strongly_an_effect_is_tried():
+    """A capacitance that never changes, in units in which it is a thousand times the motion, is no motion."""
+    commands = np.repeat(np.random.default_rng(2).uniform(0.0, 2.0, 60), 5)
+    plant = Plant(rig=Wire(further=(Reading(name="capacitance", noise=1e-15),)))
+    blank = Recording.from_arrays(
+        commands, np.zeros_like(commands), 0.02, extras={"capacitance": np.zeros(300)}, extra_units={"capacitance": "F"}
+    )
+    first = Part.whole(Experiment(recordings=(blank,)))
+    both = (first, replace(first, reading="capacitance", weight=1e8))
+    alone, beside = (simulated(plant, parts) for parts in ((first,), both))
+    assert beside[300:] == pytest.approx(0.1)  # 1 nF
+    found = response(plant, (first,), alone, Delay(time=0.05), missing=2e-6)
+    again = response(plant, both, beside, Delay(time=0.05), missing=2e-6 / np.sqrt(2.0))
+    assert again.change[:300] == pytest.approx(found.change)
+    typical = response(plant, (first,), alone, Delay(time=0.05), missing=1.0)
+    assert np.std(typical.change - found.change) > 0.1 * np.std(found.change)
