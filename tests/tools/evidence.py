@@ -107,7 +107,7 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
     head = [
         "trials",
         "passed",
-        "passed designs whose steps lie inside the predicted band",
+        "passed designs with true steps inside the band",
         "unsound designs that the check rejected",
         "sound designs that the check rejected",
     ]
@@ -248,10 +248,10 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
         f"`{trials['code'][:12]}`).",
         trials["remark"],
         f"In {len(outcomes) - designs} of the {len(outcomes)} trials, the check failed at the design stage, because no "
-        f"design met the specification on the model. Of the remaining {designs} designs, {passed} passed the check, and "
-        f"{broken.count} broke a limit on the true rig; {broken.count - broken.hits} of these {broken.count} had passed. The next table "
-        "counts how often statements about these designs are true. A design that did not pass counts as rejected. The "
-        "bounds are one-sided 95 % confidence bounds (Clopper and Pearson) of the rate that very many trials would give.",
+        f"design met the specification on the model. Of the other {designs} designs, {passed} passed the check. "
+        f"{broken.count} designs broke a limit on the true rig, and {broken.count - broken.hits} of them had passed. In "
+        "the table, a design that did not pass counts as rejected. The bounds are one-sided 95 % confidence bounds "
+        "(Clopper and Pearson).",
     ]
     return [" ".join(word for word in words if word)]
 
@@ -259,21 +259,20 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
 def _promises(outcomes: Sequence[Outcome]) -> list[list[str]]:
     return [
         [
-            "designs that passed: the steps on the true rig lie inside the predicted simultaneous 95 % band "
-            "(goal: at least 90 %)",
+            "designs that passed: the true steps lie inside the predicted 95 % band (goal: at least 90 %)",
             _cell(inside(outcomes)),
         ],
         [
             "designs that break a limit on the true rig: the check rejected the design (goal: at least 90 %)",
             _cell(caught(outcomes)),
         ],
-        ["designs that passed: the design keeps every limit on the true rig", _cell(sound(outcomes))],
+        ["designs that passed: they keep every limit on the true rig", _cell(sound(outcomes))],
         [
             "designs that keep every limit on the true rig: the check rejected the design",
             _cell(_cautious(outcomes), bound=False),
         ],
         [
-            "designs that break a limit on the true rig: the steps nevertheless lie inside the predicted band",
+            "designs that break a limit on the true rig: the true steps lie inside the predicted band all the same",
             _cell(Rate.of(o.inside == 1.0 for o in outcomes if o.sound is False), bound=False),
         ],
     ]
