@@ -88,9 +88,9 @@ def blocks(data: Data) -> dict[str, list[str]]:
     with _as_written("control-check"):
         control, checked = _of_trials(data["control-check"])
     with _as_written(STUDY):
-        missed, concealed = _of_concealed(STUDY, "concealed physics", data[STUDY])
+        concealed = _of_concealed(STUDY, "concealed physics", data[STUDY])
     with _as_written(LONG_STUDY):
-        _, long = _of_concealed(LONG_STUDY, "concealed physics in long recordings", data[LONG_STUDY])
+        long = _of_concealed(LONG_STUDY, "concealed physics in long recordings", data[LONG_STUDY])
     with _as_written("control-story"):
         story = story_blocks(data["control-story"])
     with _as_written("scenarios"):
@@ -98,7 +98,7 @@ def blocks(data: Data) -> dict[str, list[str]]:
     with _as_written("records"):
         records = record_blocks(data["records"], data["scenarios"])
     studies = markdown_table(["study", "cases run", "goals met", "run"], [concealed, long, checked])
-    return {**control, "studies": studies, "concealed-missed": missed, **story, **measured, **records}
+    return {**control, "studies": studies, **story, **measured, **records}
 
 
 def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[str]]:
@@ -124,22 +124,19 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
         "by-concealed": markdown_table(
             ["effect that the plant lacks", *head], _grouped(outcomes, lambda o: o.concealed or "nothing")
         ),
-        "control": markdown_table(["statement on the control check", "true in"], _promises(outcomes)),
     }, row
 
 
-def _of_concealed(page: str, called: str, concealed: Mapping[str, Any]) -> tuple[list[str], list[str]]:
-    """The goals of concealed physics that were missed, and its row among the studies, which leads to its page."""
+def _of_concealed(page: str, called: str, concealed: Mapping[str, Any]) -> list[str]:
+    """The row of concealed physics among the studies, which leads to its page."""
     goals = concealed["goals"]
     tested = [goal for goal in goals if goal["reached"] != NO_CASE]
-    missed = [[goal["goal"], goal["demanded"], goal["reached"]] for goal in tested if goal["met"] == "no"]
-    row = [
+    return [
         f"[{called}]({page}.md)",
         f"{concealed['done']} of {concealed['planned']}",
         f"{sum(g['met'] == 'yes' for g in goals)} of {sum(g['met'] != 'reported' for g in tested)}",
         f"seed {concealed['seed']}, deatwin {concealed['version']}",
     ]
-    return markdown_table(["missed goal of concealed physics", "demanded", "reached"], missed), row
 
 
 @contextmanager

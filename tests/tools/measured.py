@@ -208,10 +208,9 @@ def _recordings(rows: Rows) -> list[str]:
     return [
         *markdown_table(head, cells),
         "",
-        "All errors are rms errors on a held-out recording. The best NARX model is the one with the smallest error on this "
-        "recording, which favours it over the plant; its error is smaller than the plant's for "
-        f"{ahead} of the {beside} data sets. In closed loop, the controller corrects errors of the model, so the errors "
-        "are much smaller than in open loop. (Most published errors of EMPS are open-loop errors of some millimetres.)",
+        "All errors are rms errors on a held-out recording. The best NARX model was chosen by its error on this recording, "
+        f"which favours it. It has a smaller error than the plant for {ahead} of the {beside} data sets. In closed loop, the "
+        "controller corrects errors of the model, so errors are much smaller than in open loop.",
     ]
 
 
