@@ -209,7 +209,7 @@ def _recordings(rows: Rows) -> list[str]:
         *markdown_table(head, cells),
         "",
         "All errors are rms errors on a held-out recording. The best NARX model was chosen by its error on this recording, "
-        f"which favours it. It has a smaller error than the plant for {ahead} of the {beside} data sets. In closed loop, the "
+        f"which favours it. The best NARX model has a smaller error than the plant for {ahead} of the {beside} data sets. In closed loop, the "
         "controller corrects errors of the model, so errors are much smaller than in open loop.",
     ]
 
