@@ -18,7 +18,7 @@ from mkdocs.structure.files import File, Files
 
 MARK = "<!-- gallery -->"
 DOCS = Path(__file__).parents[1]
-WIDTH, HEIGHT, LEFT, BELOW = 640.0, 130.0, 60.0, 18.0
+WIDTH, HEIGHT, LEFT, BELOW = 640.0, 190.0, 60.0, 18.0
 LARGEST = 5_000_000
 """Bytes of the largest page that the site may have."""
 

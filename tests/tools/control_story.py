@@ -50,38 +50,34 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
     }
     return {
         "tracking": [
-            f"{whence} The first table compares each measure with its goal. An *inverse* computes the command from the "
-            "reference by the inverse of the model's static curve. An *inverse with dynamics* also inverts the model's "
-            "linear dynamics. An *oracle* is a controller that was designed by the same method, but on the true plant "
-            "instead of the model.",
+            f"{whence} An *inverse* computes the command from the reference by the inverse of the model's static curve. An "
+            "*inverse with dynamics* also inverts the model's linear dynamics. An *oracle* is designed by the same method, "
+            "but on the true plant instead of the model.",
             "",
             *markdown_table(["measure", "demanded", "reached", "met"], measures),
             "",
             "The next table compares controllers that track tones on two simulated plants: the nominal rig, and the "
-            "specification of the six actuators, which has hysteresis. For each controller on each plant, the table shows "
-            "the rms error, the factor by which the error of a PI controller is larger, and the margins of the loop with "
-            "the identified model.",
+            "*specification* of the six actuators, which has hysteresis. The margins are those of the loop with the "
+            "identified model.",
             "",
             *table["tracking"],
             "",
-            "The last table shows how one scheduled controller works on six actuators. The reference consists of constant "
-            "levels. The overshoot, and the rms motion in the last third of each level, are in per cent of the step "
-            "between two levels.",
+            "The last table shows one scheduled controller on six actuators. The reference is a series of constant levels. "
+            "Overshoot and rms motion are in per cent of the step between two levels.",
             "",
             *table["fleet"],
         ],
         "models": [
-            f"{whence} Each row of the table is a model of one actuator. For each model, a controller was designed by "
-            "lambda tuning with one closed-loop time. Each cell gives the value that the model predicts, the 95 % band of "
-            "the predicted value, and the value measured on the true actuator. The mark ✓ means that the measured value lies "
-            "inside the band, and ✗ means that the measured value lies outside the band.",
+            f"{whence} For each of five models of one actuator, a controller was designed by lambda tuning with one "
+            "closed-loop time. Each cell gives the predicted value, its 95 % band, and the value measured on the true "
+            "actuator. The mark ✓ means that the measured value lies inside the band, and ✗ means that it lies outside.",
             "",
             *table["models"],
         ],
         "concealed-effects": [
             f"{whence} Each row of the table is a controller for a rig with an effect that the base model lacks. *Reason* "
-            "is the first reason that the check gives for its verdict. The last column judges the controller on the true "
-            "rig. On the true rig, the full limits apply, while the check uses limits that are tightened by a fifth.",
+            "is the first reason that the check gives. On the true rig, the full limits apply; the check uses limits that "
+            "are tightened by a fifth.",
             "",
             *table["concealed"],
         ],

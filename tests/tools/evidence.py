@@ -88,9 +88,9 @@ def blocks(data: Data) -> dict[str, list[str]]:
     with _as_written("control-check"):
         control, checked = _of_trials(data["control-check"])
     with _as_written(STUDY):
-        missed, concealed = _of_concealed(STUDY, "concealed physics", data[STUDY])
+        concealed = _of_concealed(STUDY, "concealed physics", data[STUDY])
     with _as_written(LONG_STUDY):
-        _, long = _of_concealed(LONG_STUDY, "concealed physics in long recordings", data[LONG_STUDY])
+        long = _of_concealed(LONG_STUDY, "concealed physics in long recordings", data[LONG_STUDY])
     with _as_written("control-story"):
         story = story_blocks(data["control-story"])
     with _as_written("scenarios"):
@@ -98,7 +98,7 @@ def blocks(data: Data) -> dict[str, list[str]]:
     with _as_written("records"):
         records = record_blocks(data["records"], data["scenarios"])
     studies = markdown_table(["study", "cases run", "goals met", "run"], [concealed, long, checked])
-    return {**control, "studies": studies, "concealed-missed": missed, **story, **measured, **records}
+    return {**control, "studies": studies, **story, **measured, **records}
 
 
 def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[str]]:
@@ -107,7 +107,7 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
     head = [
         "trials",
         "passed",
-        "passed designs whose steps lie inside the predicted band",
+        "passed designs with true steps inside the band",
         "unsound designs that the check rejected",
         "sound designs that the check rejected",
     ]
@@ -124,22 +124,19 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
         "by-concealed": markdown_table(
             ["effect that the plant lacks", *head], _grouped(outcomes, lambda o: o.concealed or "nothing")
         ),
-        "control": markdown_table(["statement on the control check", "true in"], _promises(outcomes)),
     }, row
 
 
-def _of_concealed(page: str, called: str, concealed: Mapping[str, Any]) -> tuple[list[str], list[str]]:
-    """The goals of concealed physics that were missed, and its row among the studies, which leads to its page."""
+def _of_concealed(page: str, called: str, concealed: Mapping[str, Any]) -> list[str]:
+    """The row of concealed physics among the studies, which leads to its page."""
     goals = concealed["goals"]
     tested = [goal for goal in goals if goal["reached"] != NO_CASE]
-    missed = [[goal["goal"], goal["demanded"], goal["reached"]] for goal in tested if goal["met"] == "no"]
-    row = [
+    return [
         f"[{called}]({page}.md)",
         f"{concealed['done']} of {concealed['planned']}",
         f"{sum(g['met'] == 'yes' for g in goals)} of {sum(g['met'] != 'reported' for g in tested)}",
         f"seed {concealed['seed']}, deatwin {concealed['version']}",
     ]
-    return markdown_table(["missed goal of concealed physics", "demanded", "reached"], missed), row
 
 
 @contextmanager
@@ -248,10 +245,10 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
         f"`{trials['code'][:12]}`).",
         trials["remark"],
         f"In {len(outcomes) - designs} of the {len(outcomes)} trials, the check failed at the design stage, because no "
-        f"design met the specification on the model. Of the remaining {designs} designs, {passed} passed the check, and "
-        f"{broken.count} broke a limit on the true rig; {broken.count - broken.hits} of these {broken.count} had passed. The next table "
-        "counts how often statements about these designs are true. A design that did not pass counts as rejected. The "
-        "bounds are one-sided 95 % confidence bounds (Clopper and Pearson) of the rate that very many trials would give.",
+        f"design met the specification on the model. Of the other {designs} designs, {passed} passed the check. "
+        f"{broken.count} designs broke a limit on the true rig, and {broken.count - broken.hits} of them had passed. In "
+        "the table, a design that did not pass counts as rejected. The bounds are one-sided 95 % confidence bounds "
+        "(Clopper and Pearson).",
     ]
     return [" ".join(word for word in words if word)]
 
@@ -259,21 +256,20 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
 def _promises(outcomes: Sequence[Outcome]) -> list[list[str]]:
     return [
         [
-            "designs that passed: the steps on the true rig lie inside the predicted simultaneous 95 % band "
-            "(goal: at least 90 %)",
+            "designs that passed: the true steps lie inside the predicted 95 % band (goal: at least 90 %)",
             _cell(inside(outcomes)),
         ],
         [
             "designs that break a limit on the true rig: the check rejected the design (goal: at least 90 %)",
             _cell(caught(outcomes)),
         ],
-        ["designs that passed: the design keeps every limit on the true rig", _cell(sound(outcomes))],
+        ["designs that passed: they keep every limit on the true rig", _cell(sound(outcomes))],
         [
             "designs that keep every limit on the true rig: the check rejected the design",
             _cell(_cautious(outcomes), bound=False),
         ],
         [
-            "designs that break a limit on the true rig: the steps nevertheless lie inside the predicted band",
+            "designs that break a limit on the true rig: the true steps lie inside the predicted band all the same",
             _cell(Rate.of(o.inside == 1.0 for o in outcomes if o.sound is False), bound=False),
         ],
     ]

@@ -1,4 +1,4 @@
-"""What was tried where a goal was missed, and checks whose figures tests measure: kept by hand, shown as tables."""
+"""What is known where a goal was missed, and checks whose figures tests measure: kept by hand, shown as tables."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def record_blocks(records: Mapping[str, Any], measured: Mapping[str, Any]) -> di
     published = sources()
     return {
         "tasks-tried": markdown_table(
-            ["test part", "model, error", "goal", "what was tried"],
+            ["test part", "model, error", "goal", "what is known"],
             [
                 [
                     row["task"],
@@ -34,10 +34,7 @@ def record_blocks(records: Mapping[str, Any], measured: Mapping[str, Any]) -> di
         ),
         "tasks-published": markdown_table(published.columns, published.rows),
         "checks": markdown_table(
-            ["question", "source", "demanded", "reached", "test"],
-            [
-                [*(row[key] for key in ("question", "source", "demanded", "reached")), f"`{row['test']}`"]
-                for row in records["checks"]
-            ],
+            ["checked", "compared with", "demanded", "reached"],
+            [[row[key] for key in ("question", "source", "demanded", "reached")] for row in records["checks"]],
         ),
     }

@@ -13,6 +13,7 @@ from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,22 @@ def panels_or_new(axes: Sequence[Axes] | None, count: int, *, height: float, sha
 def written_unit(unit: str) -> str:
     """Return a unit as axes show it, its powers raised. `unit` as "m/V^2"; returns As "m/V$^2$", for matplotlib."""
     return re.sub(r"\^(\d)\b", r"$^\1$", re.sub(r"\^(\d\d+)", r"$^{\1}$", unit))
+
+
+def plain_numbers(axis: Axis, *steps: float) -> None:
+    """Write 0.1, 1 and 10 instead of powers, at the given multiples of each power of ten."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    if steps:
+        axis.set_major_locator(LogLocator(subs=steps))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
+
+
+def numbers_of_decades(axis: Axis, short: float = 100.0) -> None:
+    """Write 0.1, 1 and 10; also 2 and 5 if the axis covers less than the factor `short`."""
+    low, high = axis.get_view_interval()
+    plain_numbers(axis, *((1.0, 2.0, 5.0) if high < short * low else (1.0,)))
 
 
 def envelope(timepts: Array, values: Array, columns: int = 500) -> tuple[Array, Array]:

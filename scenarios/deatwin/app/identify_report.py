@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from deatwin.app.identify_periodic import periodic_drawing
 from deatwin.ident.narx.shown import shown_units
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
-from deatwin.plant.drawing import envelope
+from deatwin.plant.drawing import envelope, plain_numbers
 from deatwin.plant.recording import label
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
-from deatwin.studies.report.drawing import Drawing, Hue, draw, plain_numbers
+from deatwin.studies.report.drawing import Drawing, Hue, draw
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
 from deatwin.studies.report.tables import drawn_table
 from deatwin.studies.report.words import as_sentence

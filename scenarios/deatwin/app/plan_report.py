@@ -10,6 +10,7 @@ from deatwin.plant.prefixes import with_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
+from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
 from deatwin.studies.report.words import as_sentence
 
@@ -33,7 +34,7 @@ def _drawings(found: ExperimentPlan, folder: ResultFolder) -> Iterator[Drawing]:
         axes = found.plot(figure.add_subplot())
         for line, colour in zip(axes.get_lines(), ("after", "before", "measured"), strict=True):
             line.set_color(COLOURS[colour][0])  # the library's own colours do not suit dark mode
-        axes.legend(markerscale=1)
+        axes.legend(markerscale=1, loc="lower left", bbox_to_anchor=(0.0, 1.0))
         folder.text("figures/visible.svg", standalone(figure))
         caption = (
             "Smallest change of the reading that is detected, and typical change, for each effect. If the typical change is "
@@ -51,8 +52,8 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
             "effect": lambda one: _words(one.effect),
             "smallest detected strength": _least,
             "typical strength": lambda one: with_unit(one.typical, one.unit),
-            f"rms change of the reading at the typical strength{f', {unit}' if unit else ''}": lambda one: (
-                f"{one.change:.3g}"
+            f"rms change of the reading at the typical strength{f', {unit}' if unit else ''}": lambda one: three_digits(
+                one.change
             ),
             "not distinguished from": lambda one: (
                 ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not detected")
@@ -67,7 +68,7 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
                 sorted(found.tried.items(), key=lambda item: item[1]),
                 {
                     "input": lambda item: item[0],
-                    "mean probability of choosing a wrong effect": lambda item: f"{item[1]:.3f}",
+                    "mean probability of choosing a wrong effect": lambda item: f"{100 * item[1]:.1f} %",
                 },
             )
         )

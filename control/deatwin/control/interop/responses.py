@@ -14,7 +14,7 @@ from deatwin.control.arguments import instance, numbers, taking
 from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.ident.frequency import FrequencyResponse
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
-from deatwin.plant.drawing import axes_or_new, written_unit
+from deatwin.plant.drawing import axes_or_new, numbers_of_decades, plain_numbers, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -93,6 +93,8 @@ class Frd(Described):
         line = axes.loglog(frequency, gain, label="gain")[0]
         low = np.maximum(gain - half, 1e-3 * gain)
         axes.fill_between(frequency, low, gain + half, alpha=0.3, color=line.get_color(), label="95 %")
+        plain_numbers(axes.xaxis)
+        numbers_of_decades(axes.yaxis)
         axes.set_xlabel("frequency (Hz)")
         axes.set_ylabel(f"gain ({written_unit(self.unit)})" if self.unit else "gain")
         axes.legend()

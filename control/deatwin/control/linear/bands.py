@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deatwin.control.linear.family import LinearFamily
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, gain_unit, several
-from deatwin.plant.drawing import axes_or_new, written_unit
+from deatwin.plant.drawing import axes_or_new, numbers_of_decades, written_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -170,6 +170,7 @@ class FamilyBands(Described):
             axes.plot(along, middle, "o-", color=colour, markersize=3, linewidth=1.2, label=_mode_name(self.modes, k))
         axes.set_yscale("log")
         axes.axhline(self.family.sample_time, color="0.6", linestyle=":", linewidth=1.0, label="sampling interval")
+        numbers_of_decades(axes.yaxis)
         axes.set_ylabel("time constant (s)")
         axes.set_xlabel(label)
         _legend_above(axes)

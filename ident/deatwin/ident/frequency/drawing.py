@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
-from deatwin.plant.drawing import axes_or_new, written_unit
+from deatwin.plant.drawing import axes_or_new, numbers_of_decades, plain_numbers, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -70,6 +70,8 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
         phase.fill_between(*limits, color=line.get_color(), alpha=0.25, linewidth=0)
         phase.fill_between(*limits, where=doubtful, **_hatched(line.get_color()))
     phase.set_xscale(gain.get_xscale())
+    if phase.get_xscale() == "log":
+        plain_numbers(phase.xaxis)
     phase.set_xlabel("frequency (Hz)")
     phase.set_ylabel("phase (°)")
     return gain, phase
@@ -96,6 +98,9 @@ def _plot_gain(response: FrequencyResponse, axes: Axes) -> Axes:
     say_zero(drawn, axes)
     if response.theta_cov.any():
         _shade(response, drawn, axes, line.get_color())
+    numbers_of_decades(axes.yaxis)
+    if axes.get_xscale() == "log":
+        plain_numbers(axes.xaxis)
     axes.set_xlabel("frequency (Hz)")
     axes.set_ylabel(f"gain ({written_unit(response.unit)})" if response.unit else "gain")
     axes.legend()

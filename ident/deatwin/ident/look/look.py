@@ -173,16 +173,16 @@ class Look:
             chosen[1].set(xlabel="time (s)", ylabel=axis_label(record.output_names[0], unit))
         self._mark(chosen[1])
         link = self.links[0]
-        chosen[2].plot(link.frequencies, link.coherence, color="C0", linewidth=1.0, label="output with the input")
+        chosen[2].plot(link.frequencies, link.coherence, color="C0", linewidth=1.0, label="with the input")
         chosen[2].plot(
-            link.frequencies, link.coherence_squared, color="C1", linewidth=1.0, label="output with the squared input"
+            link.frequencies, link.coherence_squared, color="C1", linewidth=1.0, label="with the squared input"
         )
-        chosen[2].axhline(LINE_CHANCE, color="0.5", linestyle=":", linewidth=1.0, label="chance, at one frequency")
+        chosen[2].axhline(LINE_CHANCE, color="0.5", linestyle=":", linewidth=1.0, label="by chance")
         if (excited := self.excitations[0]) is not None:
             for low, high in excited.bands:
                 chosen[2].axvspan(low, high, color="0.5", alpha=0.15, linewidth=0.0)
             chosen[2].set_xlim(0.0, min(_SHOWN * excited.highest_Hz, 0.5 / self.sample_time))
-        chosen[2].set(xlabel="frequency (Hz), excited band shaded", ylabel="coherence", ylim=(0.0, 1.02))
+        chosen[2].set(xlabel="frequency (Hz), excited band shaded", ylabel="coherence of the output", ylim=(0.0, 1.02))
         for panel in chosen[1:]:
             if panel.get_legend_handles_labels()[0]:
                 panel.legend(

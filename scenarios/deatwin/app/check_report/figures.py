@@ -20,8 +20,8 @@ from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import linearise_plant
 from deatwin.control.stability.bands import MarginBand, band_margins
 from deatwin.plant.amplitudes import amount, axis_label
-from deatwin.plant.drawing import envelope
-from deatwin.studies.report.drawing import Drawing, Hue, draw, filled, plain_numbers
+from deatwin.plant.drawing import envelope, plain_numbers
+from deatwin.studies.report.drawing import Drawing, Hue, draw, filled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

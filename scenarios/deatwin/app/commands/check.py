@@ -53,7 +53,7 @@ OperatingInput = Annotated[
     float | None,
     typer.Option(
         metavar="VALUE",
-        help="Constant input; by default the middle of the operating range, or the centre of the training data.",
+        help="Constant input; by default the middle of the operating range, or the mean input of the training data.",
     ),
 ]
 OperatingRange = Annotated[

@@ -20,8 +20,8 @@ OperatingInput = Annotated[
     list[float] | None,
     typer.Option(
         metavar="VALUE",
-        help="Constant input of the operating point, once for each input in the order of the model; by default the centre of "
-        "the training data.",
+        help="Constant input of the operating point, once for each input in the order of the model; by default the mean input "
+        "of the training data.",
     ),
 ]
 Band = Annotated[

@@ -12,10 +12,11 @@ import numpy as np
 
 from deatwin.ident.mismatch import Verdict
 from deatwin.plant import Family, catalogue, effect_named
+from deatwin.plant.drawing import numbers_of_decades, plain_numbers
 from deatwin.scenarios.concealed_physics.cases import KEY, OUTSIDE, REACH, VISIBLE
 from deatwin.scenarios.concealed_physics.results import Case, Goal, Opened
 from deatwin.studies.rates import Rate, brier_score, expected_calibration_error, reliability
-from deatwin.studies.report.drawing import Drawing, Hue, draw, numbers_of_decades, plain_numbers, standalone, titled
+from deatwin.studies.report.drawing import Drawing, Hue, draw, standalone, titled
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.rendering import plain
 from deatwin.studies.report.story import Table

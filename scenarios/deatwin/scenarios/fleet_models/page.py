@@ -30,9 +30,10 @@ from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Plan
 from deatwin.ident.narx.fleet.records import FILM, RECORDED, STEADY, VARIANTS
 from deatwin.ident.narx.posterior import regressors
 from deatwin.plant import ModelError, Recording
+from deatwin.plant.drawing import plain_numbers
 from deatwin.scenarios.fleet_models import WORDS
 from deatwin.scenarios.fleet_models.study import FROLS, LINEAR, SEMP, SHOWN, SVB, THRESHOLDS, Bench, Identified, Study
-from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above, panels_of, plain_numbers, titled
+from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above, panels_of, titled
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import Measure, Table
 from deatwin.studies.report.tables import parameters_by_term

@@ -13,6 +13,7 @@ from deatwin.ident.frequency.closed_forms import DUFFING, QUADRATIC, ClosedForm
 from deatwin.ident.frequency.output_responses.settled import Evaluated, OrderRanges
 from deatwin.ident.narx import Term
 from deatwin.ident.narx.fleet.alike import BAND, OPERATING_INPUT
+from deatwin.plant.drawing import plain_numbers
 from deatwin.scenarios.frequency_analysis.actuators import (
     FREQUENCIES,
     GRID,
@@ -32,7 +33,6 @@ from deatwin.studies.report.drawing import (
     key_of,
     legend_above,
     panels_of,
-    plain_numbers,
     titled,
 )
 from deatwin.studies.report.words import Each, Words

@@ -20,9 +20,9 @@ from deatwin.ident.drifts import (
 )
 from deatwin.ident.narx.fleet.records import MOVES, Move
 from deatwin.plant import Recording
-from deatwin.plant.drawing import envelope
+from deatwin.plant.drawing import envelope, plain_numbers
 from deatwin.scenarios.thesis_data.study import Bench, SideBands, SmallVoltages, Study
-from deatwin.studies.report.drawing import Drawing, Hue, draw, panels_of, plain_numbers, titled
+from deatwin.studies.report.drawing import Drawing, Hue, draw, panels_of, titled
 from deatwin.studies.report.story import Measure
 from deatwin.studies.report.words import Span, Words
 

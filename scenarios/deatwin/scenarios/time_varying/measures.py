@@ -117,17 +117,17 @@ def _unseen(driven: Sequence[Driven]) -> Iterable[Measure]:
         (
             "unseen",
             CONSTANT,
-            "held-out blocks, with constant parameters from least squares and with varying parameters",
+            "held-out blocks: first with constant parameters (least squares), then with varying parameters",
         ),
         (
             "unseen",
             REFINED,
-            "held-out blocks, with constant parameters fitted to the free run and with varying parameters",
+            "held-out blocks: first with constant parameters (fitted to the free run), then with varying parameters",
         ),
         (
             "ahead",
             CONSTANT,
-            "blocks later than all fitted data, with constant parameters from least squares and with varying parameters",
+            "blocks after the fitted data: first with constant parameters (least squares), then with varying parameters",
         ),
     ):
         errors = [getattr(one.track, kind) for one in driven]

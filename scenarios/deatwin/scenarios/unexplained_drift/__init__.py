@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.drifts import moving_mean
+from deatwin.ident.mismatch.certainty import percent
 from deatwin.plant import fleet
 from deatwin.scenarios.unexplained_drift.repeatability import numbers, rows_of, sentence_of, table_of
 from deatwin.scenarios.unexplained_drift.score import Judged, Mark, judged, measures
@@ -116,7 +117,7 @@ def _answers(scores: Sequence[Judged]) -> Table:
     rows = []
     for score in scores:
         found, unseen = score.diagnosis, score.diagnosis.fit.unseen
-        causes = _words(f"{c.effect} ({c.probability:.2f})" for c in found.causes) or "–"
+        causes = _words(f"{c.effect} ({percent(c.probability)})" for c in found.causes) or "–"
         errors = ["–" if error is None else f"{error:.2f}" for error in (unseen.before, unseen.after)]
         told = [_words(score.truth), _words([found.verdict.value]), causes, _words(found.names) or "–"]
         rows.append([score.name, *told, *errors, score.mark.value])

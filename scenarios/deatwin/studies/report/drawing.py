@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
@@ -235,22 +234,6 @@ def ink_on(mesh: Any, value: float) -> str:
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in mesh.to_rgba(value)[:3]]
     luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]  # as defined by WCAG 2
     return "#000001" if (luminance + 0.05) ** 2 > 1.05 * 0.05 else "#fffffe"
-
-
-def plain_numbers(axis: Axis, *steps: float) -> None:
-    """Write 0.1, 1 and 10 instead of powers, at the given multiples of each power of ten."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    if steps:
-        axis.set_major_locator(LogLocator(subs=steps))
-    axis.set_major_formatter("{x:g}")
-    axis.set_minor_formatter(NullFormatter())
-
-
-def numbers_of_decades(axis: Axis, short: float) -> None:
-    """Write 0.1, 1 and 10; also 2 and 5 if the axis covers less than the factor `short`."""
-    low, high = axis.get_view_interval()
-    plain_numbers(axis, *((1.0, 2.0, 5.0) if high / low < short else (1.0,)))
 
 
 def key_of(name: str) -> str:

@@ -11,9 +11,9 @@ import numpy as np
 from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
 from deatwin.ident.mismatch.quality.faults import OF_READING
 from deatwin.plant.amplitudes import axis_label, reported_size, written_unit
-from deatwin.plant.drawing import envelope
+from deatwin.plant.drawing import envelope, numbers_of_decades
 from deatwin.plant.prefixes import prefixed
-from deatwin.studies.report.drawing import COLOURS, Drawing, draw, inline, numbers_of_decades
+from deatwin.studies.report.drawing import COLOURS, Drawing, draw, inline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import floor, log10
 
+from deatwin.ident.mismatch.certainty import percent
 from deatwin.ident.mismatch.conclude import MARGIN
 from deatwin.ident.mismatch.verdict import Interval
 from deatwin.plant.prefixes import prefixed, resolving
@@ -34,10 +35,10 @@ def likely(probability: float) -> str:
     """Write a cause's probability; the highest one that a diagnosis states is marked as such.
 
     >>> likely(0.388), likely(0.95)
-    ('0.388', '0.95 (maximum)')
+    ('39 %', '95 % (maximum)')
     """
     most = 1.0 - MARGIN
-    return f"{most:.2f} (maximum)" if probability > most - 0.0005 else three_digits(probability)
+    return f"{percent(most)} (maximum)" if probability > most - 0.0005 else percent(probability)
 
 
 def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str, str]:

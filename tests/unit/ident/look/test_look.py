@@ -179,7 +179,7 @@ def test_a_look_draws_itself() -> None:
     from matplotlib.figure import Figure
 
     panels = look_at(late(np.random.default_rng(7))).plot(list(Figure().subplots(3, 1)))
-    assert [panel.get_ylabel() for panel in panels] == ["command (V)", "displacement (µm)", "coherence"]
+    assert [panel.get_ylabel() for panel in panels] == ["command (V)", "displacement (µm)", "coherence of the output"]
 
 
 def test_without_an_output_there_is_nothing_to_look_at() -> None:

@@ -17,7 +17,7 @@ from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, region_radius
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, nested, several, variable
-from deatwin.plant.drawing import axes_or_new, written_unit
+from deatwin.plant.drawing import axes_or_new, numbers_of_decades, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -205,6 +205,7 @@ class Uncertain(Described, Frozen, ABC):
         axes = axes_or_new(ax)
         _draw_band(axes, self, self.gain, self.gain_band(), f"$|{self.label.strip('$')}|$")
         axes.set_yscale("log")
+        numbers_of_decades(axes.yaxis)
         axes.set_ylabel(f"gain ({written_unit(self.unit)})" if self.unit else "gain")
         return axes
 

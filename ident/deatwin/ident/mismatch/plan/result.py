@@ -11,7 +11,7 @@ import numpy as np
 from deatwin.ident.mismatch.advise.advice import write_input
 from deatwin.ident.mismatch.advise.offer import SensorOffer
 from deatwin.plant.amplitudes import axis_label, written_unit
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import axes_or_new, plain_numbers
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
 from deatwin.plant.records import INTERNAL, plain
@@ -203,5 +203,6 @@ class ExperimentPlan:
         axes.axvline(self.noise, color="tab:gray", linestyle=":", label="sensor noise")
         axes.set_yticks(places, [one.effect.replace("_", " ") for one, _ in shown])
         axes.set(xscale="log", xlabel=axis_label("change of the reading, rms", written_unit(self.unit)))
+        plain_numbers(axes.xaxis)
         axes.legend(fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
         return axes
