@@ -200,7 +200,7 @@ class Scale:
         return ((fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal)
 
     def promises(self, alone: Candidate, known: Sequence[LinearisedResponse]) -> dict[str, float]:
-        """Return the log odds of each further effect over an error in the law of the fitted one, to first order.
+        """Return the log odds of each further effect over the fitted one alone, as `of_two` does, to first order.
 
         Each effect has the shape with the largest odds.
         """
@@ -226,7 +226,8 @@ class Scale:
             law = _rms(self._rest(change.readings, alone)) / max(_rms(change.readings), FAR)
             fitted = along / square if along > 0.0 or not change.one_sided else 0.0
             deviation, factor = touching(change.deviation, fitted)
-            odds = factor + _gain(along, square, deviation, change.one_sided) - _gain(along, square, law, False)
+            either = np.logaddexp(0.0, _gain(along, square, law, False)) - np.log(2.0)
+            odds = factor + _gain(along, square, deviation, change.one_sided) - float(either)
             found[change.effect] = max(found.get(change.effect, -np.inf), odds + self._pair_odds)
         return found
 

@@ -138,6 +138,20 @@ def test_first_order_promises_what_a_fit_then_shows(scale, shape):
     assert "creep" not in scale.promises(alone, [LinearisedResponse(effect=FIRST, change=CREPT)])
 
 
+def test_what_is_promised_near_even_odds_is_on_average_what_a_fit_shows(scale):
+    """Where an error of the law may be all, too: an exact law and an inexact one are equally likely there as here.
+
+    A fit also learns how large noise and fast errors are, which costs it less than a nat.
+    """
+    typical, shape, over = strength(SECOND).value, 0.5e-6 * EARLIER, []
+    for seed in range(12):
+        left = NOISE * np.random.default_rng(seed).standard_normal(TIMES.size) + 0.6 * shape
+        alone, pair = fitted(left, (FIRST, CREPT)), fitted(left, (FIRST, CREPT), (SECOND, shape))
+        known = [LinearisedResponse(effect=SECOND, change=shape / typical)]
+        over.append(scale.promises(alone, known)["sensor_drift"] - scale.of_two(pair, alone))
+    assert abs(np.mean(over)) < 1.0
+
+
 def test_the_error_is_that_of_the_base_plant_as_it_moves(scale):
     assert np.array_equal(scale.error.readings, MOTION)
     assert scale.error.of[0].ratio == pytest.approx(FAST * 5e-7 / NOISE)
