@@ -175,7 +175,10 @@ class Scale:
         error, does = structured.known(direction[:, None], self._missed(alone)[1:])[:, 0], alone.contribution
         if not _is_known(does):
             return error
-        return structured.limited(error, does, self.error.times, self.error.records, level_of(self.problem.fitted))
+        # What is slow in one reading may be fast in another, so each reading has its own limits.
+        for one, at in zip(self.error.of, self.error.at, strict=True):
+            error[at] = structured.limited(error[at], does[at], one.times, one.records, one.level)
+        return error
 
     def _missed(self, alone: Candidate) -> tuple[float, float]:
         """Return the rms law error of one effect, SI: the part another law could cause, and the rest."""
