@@ -78,7 +78,8 @@ def unread(parts: Sequence[Part], readings: Sequence[Reading]) -> tuple[Part, ..
         records = part.experiment.recordings
         blank = [{one.name: np.zeros(record.n_samples) for one in readings} for record in records]
         filled = (replace(record, extras={**record.extras, **b}) for record, b in zip(records, blank, strict=True))
-        silent.append(replace(part, experiment=Experiment(recordings=tuple(filled))))
+        # The noise level of the first reading says nothing about another one.
+        silent.append(replace(part, experiment=Experiment(recordings=tuple(filled)), levels=None))
     return tuple(replace(part, reading=one.name) for one in readings for part in silent)
 
 
@@ -170,7 +171,7 @@ class Prices:
     def _spreads(self) -> list[np.ndarray]:
         """Return the prior deviations of each explanation's coordinates, (p,) each."""
         problem = self.question.problem
-        effects = {effect.name: effect for effect in problem.effects}
+        effects = {effect.name: effect for effect in problem.everywhere}
         largest = float(np.quantile(np.abs(np.concatenate([p.measured for p in first_only(problem.fitted)])), 0.99))
         return [
             np.array([coordinate(f.plant.parameters[n], problem.nominal, effects, largest).deviation for n in f.names])

@@ -175,7 +175,10 @@ class Scale:
         error, does = structured.known(direction[:, None], self._missed(alone)[1:])[:, 0], alone.contribution
         if not _is_known(does):
             return error
-        return structured.limited(error, does, self.error.times, self.error.records, level_of(self.problem.fitted))
+        # What is slow in one reading may be fast in another, so each reading has its own limits.
+        for one, at in zip(self.error.of, self.error.at, strict=True):
+            error[at] = structured.limited(error[at], does[at], one.times, one.records, one.level)
+        return error
 
     def _missed(self, alone: Candidate) -> tuple[float, float]:
         """Return the rms law error of one effect, SI: the part another law could cause, and the rest."""
@@ -200,7 +203,7 @@ class Scale:
         return ((fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal)
 
     def promises(self, alone: Candidate, known: Sequence[LinearisedResponse]) -> dict[str, float]:
-        """Return the log odds of each further effect over an error in the law of the fitted one, to first order.
+        """Return the log odds of each further effect over the fitted one alone, as `of_two` does, to first order.
 
         Each effect has the shape with the largest odds.
         """
@@ -226,7 +229,8 @@ class Scale:
             law = _rms(self._rest(change.readings, alone)) / max(_rms(change.readings), FAR)
             fitted = along / square if along > 0.0 or not change.one_sided else 0.0
             deviation, factor = touching(change.deviation, fitted)
-            odds = factor + _gain(along, square, deviation, change.one_sided) - _gain(along, square, law, False)
+            either = np.logaddexp(0.0, _gain(along, square, law, False)) - np.log(2.0)
+            odds = factor + _gain(along, square, deviation, change.one_sided) - float(either)
             found[change.effect] = max(found.get(change.effect, -np.inf), odds + self._pair_odds)
         return found
 

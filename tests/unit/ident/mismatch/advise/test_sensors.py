@@ -2,15 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_rigs import Wire
 from planar_fixture import COMPRESSIONS, DRIFTS, NOISE, SERIES_RESISTANCE, excitation, recorded
 
 from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.ident.mismatch.advise.question import Question
-from deatwin.ident.mismatch.advise.sensors import offered, prices
+from deatwin.ident.mismatch.advise.sensors import Prices, offered, prices, signals
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.weigh import Scale
 from deatwin.ident.mismatch.prepare import prepare
@@ -25,6 +28,8 @@ from deatwin.plant import (
     Planar,
     Plant,
     Reading,
+    Recording,
+    SensorDrift,
     ThermalStiffness,
 )
 
@@ -88,6 +93,27 @@ def test_a_thermometer_is_offered_where_an_effect_assumes_a_temperature() -> Non
 def test_the_reading_of_the_rig_file_is_offered_with_its_noise() -> None:
     rig = Planar(further=(STATED,))
     assert offered([Plant(rig=rig)], {""})[0] == STATED
+
+
+def test_the_noise_level_of_the_first_reading_does_not_scale_another_one() -> None:
+    record = Recording.from_arrays(np.ones(20), np.zeros(20), 0.02)
+    part = replace(Part.whole(Experiment(recordings=(record,))), levels=(np.linspace(0.5, 4.0, 20),))
+    ((values, slopes),) = signals(Plant(rig=Wire()), ("gain",), (part,), [Reading(name="capacitance", noise=1e-15)])
+    assert values == pytest.approx(1e-9)
+    assert slopes.shape == (20, 1)
+
+
+def test_an_effect_at_another_place_keeps_the_prior_of_its_strength() -> None:
+    """An amplifier whose gain drifts by 0.1 % is one whose gain might have drifted by twice the typical amount."""
+    drift = SensorDrift().placed("command_gain")
+    plant = Plant(rig=Diaphragm()).with_effects(drift)
+    name = f"{drift.name}.{drift.strength}"
+    plant = plant.with_values({name: -1e-3})
+    part = SimpleNamespace(measured=np.ones(5), reading="")
+    problem = SimpleNamespace(nominal=Plant(rig=Diaphragm()), effects=(), everywhere=(drift,), fitted=(part,))
+    question = SimpleNamespace(problem=problem, fits=(SimpleNamespace(plant=plant, names=(name,)),))
+    ((deviation,),) = Prices(question=question, beside=())._spreads
+    assert deviation == pytest.approx(2.0 * abs(drift.described(drift.strength).value) / np.sqrt(2.0), rel=0.01)
 
 
 def test_the_reading_that_is_advised_tells_what_displacement_leaves_open() -> None:

@@ -107,6 +107,22 @@ def test_no_error_of_a_slow_law_is_fast(scale):
     assert found[1] > 0.5 * 1500 * 0.3**2 / 2  # noise and fast errors of unknown size explain some of it
 
 
+def test_what_is_fast_in_another_reading_does_not_make_a_law_fast(problem):
+    """A film that creeps changes a current as fast as the voltage, but its position slowly, whatever else is read."""
+    (part,) = problem.fitted
+    second = SimpleNamespace(**{**vars(part), "reading": "current", "weight": 1.0, "measured": 1e-4 * FAST_TONE})
+    problem.nominal.rig.further = (SimpleNamespace(name="current", noise=NOISE, model_error=5e-7),)
+    problem.nominal.rig.share_of_motion = 0.0
+    problem.fitted = (part, second)
+    base = SimpleNamespace(calibration=SimpleNamespace(residuals=np.zeros(2 * TIMES.size)))
+    scale, rng = Scale(problem=problem, base=base, noise=NOISE), np.random.default_rng(8)
+    strong = np.concatenate([10.0 * CREPT, 1e-4 * FAST_TONE])
+    tone = 0.3 * NOISE * np.concatenate([FAST_TONE, np.zeros(TIMES.size)])
+    left = NOISE * rng.standard_normal(2 * TIMES.size) + tone
+    pair = fitted(left, (FIRST, strong), (SECOND, tone))
+    assert scale.of_two(pair, fitted(left, (FIRST, strong))) > 0.5 * 1500 * 0.3**2 / 2
+
+
 def test_pairs_are_compared_with_the_same_single_effect(scale):
     """The odds of two pairs over one effect are apart by what the recordings say of the pairs: odds multiply."""
     rng = np.random.default_rng(7)
@@ -136,6 +152,20 @@ def test_first_order_promises_what_a_fit_then_shows(scale, shape):
     promised = scale.promises(alone, known)["sensor_drift"]
     assert promised == pytest.approx(scale.of_two(pair, alone), rel=0.15)
     assert "creep" not in scale.promises(alone, [LinearisedResponse(effect=FIRST, change=CREPT)])
+
+
+def test_what_is_promised_near_even_odds_is_on_average_what_a_fit_shows(scale):
+    """Where an error of the law may be all, too: an exact law and an inexact one are equally likely there as here.
+
+    A fit also learns how large noise and fast errors are, which costs it less than a nat.
+    """
+    typical, shape, over = strength(SECOND).value, 0.5e-6 * EARLIER, []
+    for seed in range(12):
+        left = NOISE * np.random.default_rng(seed).standard_normal(TIMES.size) + 0.6 * shape
+        alone, pair = fitted(left, (FIRST, CREPT)), fitted(left, (FIRST, CREPT), (SECOND, shape))
+        known = [LinearisedResponse(effect=SECOND, change=shape / typical)]
+        over.append(scale.promises(alone, known)["sensor_drift"] - scale.of_two(pair, alone))
+    assert abs(np.mean(over)) < 1.0
 
 
 def test_the_error_is_that_of_the_base_plant_as_it_moves(scale):
