@@ -4,10 +4,8 @@ from deatwin.ident.frequency.comparison.compare import Agreement, Comparison, Di
 from deatwin.ident.frequency.comparison.records import compare_records
 from deatwin.ident.frequency.dc import Equilibrium, equilibrium, remove_dc
 from deatwin.ident.frequency.drawing import bode
-from deatwin.ident.frequency.frf import frf
 from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.frequency.linear import LinearPart, linear_part
-from deatwin.ident.frequency.maps import plot_surface, slice_of
 from deatwin.ident.frequency.output_responses.estimate import nofrf, nofrf_exact
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
@@ -53,7 +51,6 @@ __all__ = [
     "design_excitation",
     "equilibrium",
     "frequency_grid",
-    "frf",
     "gfrf",
     "hold_equilibrium",
     "input_spectrum",
@@ -64,11 +61,9 @@ __all__ = [
     "output_frequencies",
     "output_orders",
     "output_spectrum",
-    "plot_surface",
     "propagate",
     "remove_dc",
     "sample",
-    "slice_of",
     "sliding_mean_and_gain",
     "tv_gfrf",
     "tv_nofrf",

@@ -15,20 +15,22 @@ Array = NDArray[np.float64]
 
 
 def blocks_of(
-    angles: Array, form: type[Tones], size: int, rows: Sequence[int] = ()
+    angles: Array, size: int, rows: Sequence[int] = ()
 ) -> tuple[tuple[int, ...], Iterator[tuple[tuple[slice, ...], Tones]]]:
     """Cut frequencies into blocks. Shapes: `angles` (n, order); `rows` (order,) of the inputs."""
     axes = _axes(angles)
     if axes is None:
         lines = ((part,) for part in _cut(len(angles), size))
-        return (len(angles),), ((block, form(angles[block], rows)) for block in lines)
+        return (len(angles),), ((block, Tones(angles[block], rows)) for block in lines)
     shape = tuple(axis.size for axis in axes)
     lengths = list(shape)
     while prod(lengths) > size:  # halving the longest side keeps blocks nearly cubic, with small faces
         longest = int(np.argmax(lengths))
         lengths[longest] = -(-lengths[longest] // 2)
     boxes = product(*(_cut(n, length) for n, length in zip(shape, lengths, strict=True)))
-    return shape, ((box, form.on_grid([axis[cut] for axis, cut in zip(axes, box, strict=True)], rows)) for box in boxes)
+    return shape, (
+        (box, Tones.on_grid([axis[cut] for axis, cut in zip(axes, box, strict=True)], rows)) for box in boxes
+    )
 
 
 def _cut(count: int, length: int) -> list[slice]:

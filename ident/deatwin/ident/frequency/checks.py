@@ -14,7 +14,7 @@ def narx_model(model: Any) -> NarxModel:
     """Return a model, after a check that it is a NarxModel."""
     if not isinstance(model, NarxModel):
         instead = (
-            "its model_ may be" if isinstance(model, Identifier) else "frf computes the response of a linear model"
+            "its model_ may be" if isinstance(model, Identifier) else "to_narx() makes one of an ARX or ARMAX model"
         )
         raise ModelError(f"a {type(model).__name__} is not a NarxModel; {instead}")
     return model

@@ -1,16 +1,14 @@
-"""Frequency responses of several frequencies: contours, a surface, and slices of more than two frequencies."""
+"""Draw frequency responses of several frequencies: contours over the first two, the others held constant."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from deatwin.ident.arguments import real_numbers
 from deatwin.ident.frequency.drawing import drawn_points, say_zero
 from deatwin.plant.drawing import written_unit
-from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,73 +29,6 @@ def plot_map(response: FrequencyResponse, axes: Axes) -> Axes:
         return _plot_points(response, axes)
     _label_map(axes.figure.colorbar(_contours(plane, grid, axes), ax=axes), plane, axes)
     return axes
-
-
-def plot_surface(response: FrequencyResponse, ax: Any | None = None) -> Any:
-    """Plot the gain over a grid of two frequencies as a surface, in dB.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Response of order 2 or more on a grid, see `frequency_grid`. Frequencies beyond the second are held constant, as
-        in `plot_response`.
-    ax : matplotlib 3-D Axes, optional
-        Axes to draw on; new ones by default.
-
-    Returns
-    -------
-    matplotlib 3-D Axes
-
-    Raises
-    ------
-    ModelError
-        If the points do not form a grid, or the axes are not three-dimensional.
-    """
-    plane = _middle_slice(response)
-    grid = _grid(plane)
-    if grid is None:
-        raise ModelError("a surface needs values on a grid of two frequencies; see frequency_grid")
-    if ax is None:
-        from matplotlib import pyplot
-
-        ax = pyplot.figure().add_subplot(projection="3d")
-    if not hasattr(ax, "plot_surface"):
-        raise ModelError('a surface needs three-dimensional axes: add_subplot(projection="3d")')
-    heights = grid.of(_decibels(plane))
-    ax.plot_surface(*np.meshgrid(grid.first, grid.second, indexing="ij"), heights, cmap="viridis", linewidth=0)
-    ax.set_zlabel(_gain_label(plane))
-    _label_frequencies(plane, ax)
-    return ax
-
-
-def slice_of(response: FrequencyResponse, held_Hz: ArrayLike) -> FrequencyResponse:
-    """Return the points of a response at which all frequencies after the second are nearest to given ones.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Response of order 3 or more.
-    held_Hz : float, or array_like of shape (order - 2,)
-        Frequencies to hold constant, Hz.
-
-    Returns
-    -------
-    FrequencyResponse
-        Response of the same order, with fewer points.
-
-    Raises
-    ------
-    ModelError
-        If the order is below 3, or the number of frequencies is not order - 2.
-    """
-    _require_more_than_two(response)
-    held = np.atleast_1d(real_numbers(held_Hz, "held_Hz"))
-    others = response.frequency_Hz[:, 2:]
-    if held.shape != others.shape[1:] or not np.all(np.isfinite(held)):
-        raise ModelError(f"held_Hz has the shape {held.shape}; order {response.order} needs {others.shape[1:]}, in Hz")
-    nearest = others[np.argmin(np.sum((others - held) ** 2, axis=1))]
-    chosen = np.flatnonzero(np.all(others == nearest, axis=1))
-    return response.at_points(chosen)
 
 
 class _Grid(NamedTuple):
@@ -130,15 +61,11 @@ def _is_slice(response: FrequencyResponse) -> bool:
 
 
 def _middle_slice(response: FrequencyResponse) -> FrequencyResponse:
+    """Return the points at which the frequencies after the second are the middle ones of those given."""
     if response.omega.ndim == 1 or response.omega.shape[1] == 2:
         return response
-    held = np.unique(response.frequency_Hz[:, 2:], axis=0)
-    return slice_of(response, held[len(held) // 2])
-
-
-def _require_more_than_two(response: FrequencyResponse) -> None:
-    if response.omega.ndim == 1 or response.omega.shape[1] < 3:
-        raise ModelError(f"a slice holds the third frequency; {response.label} has {response.omega.ndim}")
+    held = np.unique(response.omega[:, 2:], axis=0)
+    return response.at_points(np.all(response.omega[:, 2:] == held[len(held) // 2], axis=1))
 
 
 def _decibels(response: FrequencyResponse) -> Array:

@@ -1,8 +1,8 @@
-"""Three ways to split signals into parts: sets of tones, runs of tones, and orders of a periodic output."""
+"""Two ways to split signals into parts: sets of tones, and orders of a periodic output."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from itertools import product
 from math import factorial
@@ -86,34 +86,6 @@ class Tones:
         return self._powers[part, lag]
 
 
-class TonesInOrder(Tones):
-    """Runs of neighbouring tones only, in the order of the factors. The run of all tones gives H_n by Peyton Jones and
-    Billings' eq. 18, which is not symmetric but has the same mean over all permutations."""
-
-    @property
-    def repeats(self) -> int:
-        """Number of times that H_n occurs in the component of all tones."""
-        return 1
-
-    @cached_property
-    def order(self) -> Sequence[int]:
-        """All runs, short ones first."""
-        sizes = range(1, self.count + 1)
-        return [((1 << size) - 1) << first for size in sizes for first in range(self.count - size + 1)]
-
-    def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """Return all ways to cut a run in two."""
-        first = part & -part
-        rest = first
-        while rest != part:
-            yield rest, part ^ rest
-            rest |= rest << 1
-
-
-FORMS: Mapping[str, type[Tones]] = {"symmetric": Tones, "recursive": TonesInOrder}
-"""Forms of a frequency response of several frequencies."""
-
-
 class Orders:
     """Parts of a periodic output by order, that is, by the power of the input's size. Shapes: `excitation` (..., n)."""
 
@@ -167,11 +139,6 @@ class CrossOrders(Orders):
     def input(self, part: int, lag: int, row: int) -> Array | None:
         """Return the delayed input of a row as the part with its first power."""
         return np.roll(self.excitation[row], lag) if part == self._base**row else None
-
-
-def require_no_pole(feedback: Feedback, angles: Array) -> None:
-    """Raise ModelError if 1 - sum_l a_l e^(-jwl) is zero at an angle, (n,)."""
-    _denominator(feedback, np.exp(-1j * angles), lambda lag: np.exp(-1j * lag * angles))
 
 
 def _denominator(feedback: Feedback, turn: Array, shift: Callable[[int], Array]) -> Array:

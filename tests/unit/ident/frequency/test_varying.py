@@ -325,8 +325,6 @@ def test_plots_and_dataset():
     assert empty.tolist() == [False, False, True, False, False, False]
     borders = mesh.get_coordinates()[:, 0, 1] / 0.25
     np.testing.assert_allclose(borders, [-0.5, 0.5, 1.5, 9.5, 10.5, 11.5, 12.5], atol=1e-12)
-    ax = first.plot_equilibria()
-    assert ax.get_ylabel() == "equilibrium (mm)"
     data = first.to_xarray()
     assert data["real"].dims == ("time", "point") and data["real"].units == "mm/V"
     np.testing.assert_array_equal(data["frozen_error"], first.frozen_error)

@@ -16,7 +16,6 @@ from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.linear import levels, motion
 from deatwin.ident.frequency.response import Band, FrequencyResponse
-from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.ident.frequency.varying.plots import colours, edges, first_tone
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
@@ -246,10 +245,6 @@ class VaryingResponse(Described, Frozen):
         """
         return _plot_map(self, ax)
 
-    def plot_equilibria(self, ax: Axes | None = None) -> Axes:
-        """Plot the equilibrium over time with the 95 % band due to the parameters, on `ax` or new axes."""
-        return _plot_equilibria(self, ax)
-
     def _stacked(self, get: Callable[[FrequencyResponse], NDArray[Any]]) -> NDArray[Any]:
         """Stack the arrays of all times; NaN where there is none."""
         missing = np.full_like(get(self._first), np.nan)
@@ -287,21 +282,6 @@ def _plot_map(response: VaryingResponse, ax: Axes | None) -> Axes:
     bar.set_label(f"$|{name}|$ ({written_unit(response.unit)})" if response.unit else f"$|{name}|$")
     axes.set_xlabel("time (s)")
     axes.set_ylabel(label)
-    return axes
-
-
-def _plot_equilibria(response: VaryingResponse, ax: Axes | None) -> Axes:
-    """Draw the equilibrium over time with its 95 % band."""
-    axes = axes_or_new(ax)
-    dof = [np.inf if model is None else model.theta_dof for model in response.models]
-    half = response.equilibrium_std * [interval_radius(0.95, each) for each in dof]
-    low, high = response.equilibria - half, response.equilibria + half
-    (line,) = axes.plot(response.timepts, response.equilibria, label="equilibrium")
-    axes.fill_between(response.timepts, low, high, color=line.get_color(), alpha=0.25, linewidth=0, label="95 % band")
-    axes.set_xlabel("time (s)")
-    unit = next(model.output_units[0] for model in response.models if model is not None)
-    axes.set_ylabel(f"equilibrium ({unit})" if unit else "equilibrium")
-    axes.legend()
     return axes
 
 
