@@ -12,7 +12,7 @@ from deatwin.ident.narx import NarxModel, validate
 from deatwin.ident.narx.document import fields_of
 from deatwin.ident.narx.lasso import LassoPath
 from deatwin.ident.narx.linear import LinearModel
-from deatwin.ident.narx.linear.document import fields_of as linear_fields_of
+from deatwin.ident.narx.linear.model import fields_of as linear_fields_of
 from deatwin.ident.narx.predictive import one_step_band
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections
 from deatwin.ident.narx.preprocess.orders import OrderChoice, OrderTrial, TrialStatus

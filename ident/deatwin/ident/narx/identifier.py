@@ -45,14 +45,6 @@ class FitStatus(Enum):
         "valid; allow more steps, or fewer terms"
     )
     INTERRUPTED = "interrupted: the model is the best that had been found; fit again to complete the search"
-    EDGE_OF_STABILITY = (
-        "the best stable model has a pole at the edge of stability: the output integrates, or does not follow from the "
-        "input alone, because the plant is unstable or the recording was made in a loop; use Armax"
-    )
-    LOOP_SUSPECTED = (
-        "the past of the output predicts an input, so a closed loop is suspected, which biases an output-error model: "
-        "use Armax or BoxJenkins, which model the noise"
-    )
 
     @property
     def ok(self) -> bool:
