@@ -24,7 +24,7 @@ from deatwin.ident.narx.predictive import PredictiveBand, free_run_band, one_ste
 from deatwin.ident.narx.pruning import PruningStep
 from deatwin.ident.narx.random_walk import ThetaSmoother
 from deatwin.ident.narx.recursive import Rls
-from deatwin.ident.narx.refine import extend, prune, refine
+from deatwin.ident.narx.refine import extend, refine
 from deatwin.ident.narx.reliance import Reliance, assess_reliance
 from deatwin.ident.narx.residual import Residual, free_run_residual
 from deatwin.ident.narx.residual_tests import CorrelationTest
@@ -91,7 +91,6 @@ __all__ = [
     "hold_out",
     "narx_source",
     "one_step_band",
-    "prune",
     "refine",
     "register_function",
     "robust",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +20,8 @@ from deatwin.ident.narx.refine import at_least_error, least_error
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.single_output import single_output
 from deatwin.ident.narx.terms import Term
-from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 
@@ -41,8 +35,8 @@ class Grow(CandidateSearch):
 
     The start is the linear model of second order by least squares. The candidate that lowers the free-run error most,
     to first order, is added, and all parameters are refined to the least free-run error (`extend`), until the model has
-    1.5 times as many terms as allowed. Terms are then removed one by one, always the one that raises the error least
-    (`prune`). Among all these models with at most ``max_terms`` terms, the one with the smallest free-run error on
+    1.5 times as many terms as allowed. Terms are then removed one by one, always the one that raises the error least.
+    Among all these models with at most ``max_terms`` terms, the one with the smallest free-run error on
     held-out samples is kept and refined on all samples.
 
     The parameters are those of an output-error model: they are unbiased if the noise is on the readings; least squares
@@ -172,22 +166,6 @@ class Grow(CandidateSearch):
             yield
         except KeyboardInterrupt:
             self.status_ = FitStatus.INTERRUPTED
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw on `ax` or new axes the free-run errors of the path over the number of terms, and the model kept."""
-        axes = axes_or_new(ax)
-        counts = np.array([len(step.terms) for step in self.path_])
-        last = int(np.argmax(counts)) + 1  # last position of the growth
-        for errors, color, label in ((self.errors_, "C0", "training"), (self.held_out_errors_, "C1", "held out")):
-            shown = np.where(np.isfinite(errors), errors, np.nan)
-            axes.semilogy(counts[:last], shown[:last], "o:", color=color, markersize=3, label=f"{label}, growing")
-            axes.semilogy(counts[last - 1 :], shown[last - 1 :], "s-", color=color, markersize=3, label=label)
-        axes.axvline(len(self.terms_), color="tab:gray", linestyle="--", label="kept")
-        unit = self.model_.output_units[0]
-        axes.set_xlabel("terms")
-        axes.set_ylabel(f"free-run error, rms ({unit})" if unit else "free-run error, rms")
-        axes.legend(loc="upper right")
-        return axes
 
 
 def _renamed(step: GrowStep, named: Mapping[Term, Term]) -> GrowStep:

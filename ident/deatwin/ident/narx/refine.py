@@ -127,18 +127,12 @@ def extend(
     whole_number(max_terms, "max_terms")
     names = {"input_names": model.input_names, "output_names": model.output_names}
     terms = [term if isinstance(term, Term) else Term.parse(term, **names) for term in candidates]
-    larger = extensions(model, flatten(recordings), terms, max_terms=max_terms)
-    return _path(model, larger, max_terms - len(model.terms), progress)
-
-
-def _path(model: NarxModel, found: Iterator[NarxModel], steps: int, progress: Progress | None) -> tuple[NarxModel, ...]:
-    """Collect models until an interrupt; the model alone if it comes before the first of them."""
     path: list[NarxModel] = []
     with suppress(KeyboardInterrupt):
-        for each in found:
-            path.append(each)
+        for larger in extensions(model, flatten(recordings), terms, max_terms=max_terms):
+            path.append(larger)
             if progress is not None and len(path) > 1:
-                progress((len(path) - 1) / max(steps, 1), f"{len(each.terms)} terms")
+                progress((len(path) - 1) / max(max_terms - len(model.terms), 1), f"{len(larger.terms)} terms")
     return tuple(path) or (model,)
 
 
@@ -158,44 +152,9 @@ def extensions(
         yield larger
 
 
-def prune(
-    model: NarxModel, recordings: Recordings, *, n_terms: int, progress: Progress | None = None
-) -> tuple[NarxModel, ...]:
-    """Remove terms one by one, always the one that raises the free-run error least, and refine after each.
-
-    The increase of the error is computed to first order, as the square of the parameter over its variance. Adding more
-    terms than wanted and pruning them finds structures that adding alone misses.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Model to start from, as for `refine`.
-    recordings : Recording, Experiment, or several
-        Training data.
-    n_terms : int
-        Number of terms of the smallest model, at least 1.
-    progress : callable, optional
-        Called with the share done, between 0 and 1, and a description of the current step.
-
-    Returns
-    -------
-    tuple of NarxModel
-        Refined initial model and its successors, each one term smaller; the path ends early if the free run diverges
-        whichever further term is removed.
-
-    Raises
-    ------
-    ModelError
-        If the model has several outputs or noise terms, or its free run diverges.
-    """
-    require_model(model)
-    whole_number(n_terms, "n_terms")
-    smaller = prunings(model, flatten(recordings), n_terms=n_terms)
-    return _path(model, smaller, len(model.terms) - n_terms, progress)
-
-
 def prunings(model: NarxModel, recordings: tuple[Recording, ...], *, n_terms: int) -> Iterator[NarxModel]:
-    """Yield the models of `prune` as they are found; an interrupt reaches the caller."""
+    """Yield the refined model and its successors, each without the term that to first order raises the free-run error least,
+    the square of its parameter over its variance, until none can be removed; an interrupt reaches the caller."""
     smaller: NarxModel | None = least_error(model, recordings)
     while smaller is not None:
         yield smaller

@@ -170,13 +170,6 @@ def test_another_estimator_takes_the_chosen_terms():
     assert "Ridge(penalty=1.0)" in ridge.model_.provenance["identifier"]
 
 
-def test_the_path_is_drawn():
-    frols = Frols(max_terms=6).fit(bilinear())
-    ax = frols.plot()
-    assert [label.get_text() for label in ax.get_xticklabels()] == [str(term) for term in frols.path_]
-    assert [bar.get_height() for bar in ax.patches] == pytest.approx(list(frols.path_err_))
-
-
 def test_an_interrupted_free_run_keeps_the_models_that_were_run():
     stop = StopAt(lambda doing: doing == "free run with 4 terms")
     frols = Frols(criterion="free_run", max_terms=8, degree=3).fit(bilinear(), progress=stop)

@@ -9,7 +9,7 @@ from stopping import StopAt
 
 from deatwin.ident.narx import NarxModel, generate_terms
 from deatwin.ident.narx.linear import OutputError
-from deatwin.ident.narx.refine import extend, prune, refine, sensitivities
+from deatwin.ident.narx.refine import extend, prunings, refine, sensitivities
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -120,7 +120,7 @@ def test_false_terms_are_pruned(seed: int) -> None:
     # Among ten candidates the five true ones stand hundreds of noise variances above the false.
     recording = measured(np.random.default_rng(seed), 2000, 0.05)
     more = plant(**{"1": 0.0, "y(k-1)^2": 0.0, "u(k-2)": 0.0, "y(k-1)u(k-1)^2": 0.0, "y(k-2)^3": 0.0})
-    path = prune(more, recording, n_terms=5)
+    path = list(prunings(more, (recording,), n_terms=5))
     assert [len(model.terms) for model in path] == [10, 9, 8, 7, 6, 5]
     assert set(path[-1].terms) == {Term.parse(text) for text in TRUE}
     errors = [model.simulate(recording).rms_error for model in path]
@@ -132,8 +132,7 @@ def test_terms_that_the_run_needs_stay() -> None:
     rng = np.random.default_rng(8)
     resonant = NarxModel.from_terms({"y(k-1)": 1.4, "y(k-2)": -0.8, "u(k-1)": 0.5}, sample_time=0.1)
     recording = measured(rng, 500, 0.01, resonant)
-    path = prune(resonant, recording, n_terms=1)
-    assert all(model.simulate(recording).status.ok for model in path)
+    assert all(model.simulate(recording).status.ok for model in prunings(resonant, (recording,), n_terms=1))
 
 
 def test_a_term_that_follows_from_the_others_is_not_added() -> None:

@@ -21,7 +21,6 @@ from deatwin.ident.narx import (
     extend,
     free_run_band,
     hold_out,
-    prune,
     refine,
     robust,
     validate,
@@ -196,7 +195,6 @@ def test_an_estimator_says_where_to_find_what_its_model_has():
         (lambda: refine(_model(), RECORD, max_steps=2.5), "max_steps = 2.5; it must be an integer of at least 1"),
         (lambda: refine(_model(), RECORD, tolerance=0.0), "tolerance = 0.0; it must be positive"),
         (lambda: extend(_model(), RECORD, ["u(k-2)"], max_terms=2.5), "max_terms = 2.5; it must be an integer"),
-        (lambda: prune(_model(), RECORD, n_terms=-1), "n_terms = -1; it must be an integer of at least 1"),
         (
             lambda: free_run_band(_model(), RECORD, np.random.default_rng(0), n_draws=1e3),
             "n_draws = 1000.0; it must be",
