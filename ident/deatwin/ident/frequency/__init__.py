@@ -16,7 +16,7 @@ from deatwin.ident.frequency.response import Band, FrequencyResponse, FrequencyS
 from deatwin.ident.frequency.spectrum import output_orders, output_spectrum
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
 from deatwin.ident.frequency.uncertainty.sampling import Sampled, SampleStatus, sample
-from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf, tv_output_spectrum
+from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.frequency.varying.following import hold_equilibrium
 from deatwin.ident.frequency.varying.response import VaryingResponse, VaryingStatus
 from deatwin.ident.frequency.varying.sliding import SlidingStatistics, SlidingStatus, sliding_mean_and_gain
@@ -67,5 +67,4 @@ __all__ = [
     "sliding_mean_and_gain",
     "tv_gfrf",
     "tv_nofrf",
-    "tv_output_spectrum",
 ]

@@ -377,8 +377,10 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         return self.table.max_lag
 
 
-def require_model(model: object) -> None:
-    """Raise ModelError for anything but a NarxModel, such as the identifier that holds one."""
-    if not isinstance(model, NarxModel):
-        instead = "; its model_ may be" if hasattr(type(model), "fit") else ""
-        raise ModelError(f"a {type(model).__name__} is not a NarxModel{instead}")
+def require_model(model: object) -> NarxModel:
+    """Return the model; raise ModelError for anything but a NarxModel, such as the identifier that holds one."""
+    if isinstance(model, NarxModel):
+        return model
+    instead = {"fit": "; its model_ may be", "to_narx": "; to_narx() makes one of an ARX or ARMAX model"}
+    said = next((text for name, text in instead.items() if hasattr(type(model), name)), "")
+    raise ModelError(f"a {type(model).__name__} is not a NarxModel{said}")

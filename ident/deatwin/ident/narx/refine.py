@@ -215,7 +215,7 @@ def _with_term(model: NarxModel, term: Term) -> NarxModel:
 def sensitivities(model: NarxModel, recording: Recording) -> Array:
     """Derivatives of a free run by parameters, (n - first, n_terms): s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the
     slopes a_l of f by y(k-l), as one banded triangular system."""
-    _require_simple(model)
+    require_model(model).require_one_output("a refinement")
     return _responses(model, recording, _run(model, recording), model.table)
 
 
@@ -252,12 +252,6 @@ def _derivative(model: NarxModel, variable: Variable) -> tuple[tuple[Term, ...],
             factors.remove(variable)
             terms.append(Term.product(factors))
     return tuple(terms), np.array(weights)
-
-
-def _require_simple(model: NarxModel) -> None:
-    require_model(model)
-    if len(model.output_names) != 1 or any(v.kind == "e" for v in model.table.variables):
-        raise ModelError("only the free run of a model of one output and without noise terms can be refined")
 
 
 def _run(model: NarxModel, recording: Recording) -> Array:
@@ -305,7 +299,7 @@ class _Search:
     def __init__(
         self, model: NarxModel, recordings: tuple[Recording, ...], max_steps: int, progress: Progress | None
     ) -> None:
-        _require_simple(model)
+        require_model(model).require_one_output("a refinement")
         for recording in recordings:
             _run(model, recording)
         self.model, self.recordings = model, recordings

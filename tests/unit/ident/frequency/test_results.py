@@ -15,7 +15,7 @@ from scipy import stats
 from deatwin.ident.frequency import frequency_grid, gfrf, output_orders, output_spectrum
 from deatwin.ident.frequency.uncertainty.propagate import UncertaintyStatus, propagate
 from deatwin.ident.frequency.uncertainty.sampling import sample
-from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf, tv_output_spectrum
+from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.linear import LinearModel
 from deatwin.plant.errors import ModelError
@@ -50,7 +50,6 @@ def made():
         "propagated": propagate(MODEL, H_1),
         "sampled": sample(MODEL, H_1, np.random.default_rng(0), 20),
         "H along time": tv_gfrf(TRAJECTORY, 2, np.c_[OMEGA, OMEGA]),
-        "Y along time": tv_output_spectrum(TRAJECTORY, PERIOD, 2),
         "G along time": tv_nofrf(TRAJECTORY, PERIOD, 2),
     }
 

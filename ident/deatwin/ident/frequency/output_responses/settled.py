@@ -97,9 +97,9 @@ def evaluate(
     return Evaluated(fitted=fitted, direct=tuple(direct), simulated=settled(moved, signal.values))
 
 
-def settled(model: NarxModel, period: Array, *, periods: int = PERIODS) -> Complex:
+def settled(model: NarxModel, period: Array) -> Complex:
     """Run a model free until it repeats; return the last period's spectrum, (n_samples // 2 + 1,)."""
-    inputs = np.tile(period, periods)
+    inputs = np.tile(period, PERIODS)
     run = model.simulate(Recording.from_arrays(inputs, np.zeros_like(inputs), model.sample_time))
     return spectrum_of(run.outputs[0, -period.size :])
 

@@ -33,30 +33,11 @@ def colours(gain: Array) -> tuple[float, Normalize]:
 
 
 def first_tone(frequency: Array) -> tuple[Array, str]:
-    """Return the coordinate along a line of frequencies, shape (n,), and descriptions of all frequencies."""
+    """Return the first tone that is not constant, shape (n,), and its label. Shapes: `frequency` (n, order)."""
     moving = int(np.argmax(np.ptp(frequency, axis=0) > 0))
-    along = frequency[:, moving]
-    far = np.flatnonzero(along != along[0])
-    if far.size == 0:
-        raise ModelError("a map takes more than one point along a line of frequencies; draw `at` a time instead")
-    slopes = np.round((frequency[far[-1]] - frequency[0]) / (along[far[-1]] - along[0]), 9)
-    offsets = frequency[0] - slopes * along[0]
-    if np.any(np.abs(frequency - np.outer(along, slopes) - offsets) > 1e-6 * np.abs(frequency).max()):
-        raise ModelError(
-            "these frequencies do not lie on a line; a map over time needs omega as np.stack([w, w], axis=-1) for "
-            "f2 = f1, or np.stack([w, np.full_like(w, w0)], axis=-1) for f2 = w0 / 2 pi"
-        )
-    others = [f"$f_{i + 1} = {_written(slopes[i], offsets[i], moving)}$" for i in range(len(slopes)) if i != moving]
-    return along, ", ".join([f"$f_{moving + 1}$ (Hz)", *others])
-
-
-def _written(slope: float, offset: float, moving: int) -> str:
-    """Write ``slope * f + offset`` as text."""
-    if slope == 0:
-        return rf"{offset:.4g}\,\mathrm{{Hz}}"
-    factor = {1.0: "", -1.0: "-"}.get(slope, f"{slope:.4g}\\,")
-    shift = "" if abs(offset) < 1e-9 else rf" {offset:+.4g}\,\mathrm{{Hz}}"
-    return f"{factor}f_{moving + 1}{shift}"
+    if np.unique(frequency[:, moving]).size < len(frequency):
+        raise ModelError("a map over time shows one line of frequencies: give each point its own first frequency")
+    return frequency[:, moving], f"$f_{moving + 1}$ (Hz)"
 
 
 def edges(centres: Array) -> Array:

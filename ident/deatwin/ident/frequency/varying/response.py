@@ -229,19 +229,7 @@ class VaryingResponse(Described, Frozen):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot the gain as a map over time and frequency; unstable times are hatched, times without response blank.
 
-        Responses of several frequencies are plotted along a line: their ``omega`` must lie on a straight line, such as
-        ``np.stack([w, w], axis=-1)`` for f2 = f1.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Raises
-        ------
-        ModelError
-            If the response has several frequencies and the points of `omega` (one row each) do not lie on a straight
-            line.
+        Responses of several frequencies are plotted over the first of them that changes, on `ax` or new axes.
         """
         return _plot_map(self, ax)
 
