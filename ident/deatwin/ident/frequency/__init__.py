@@ -11,7 +11,6 @@ from deatwin.ident.frequency.output_responses.excitation import TestSignal, desi
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
 from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
-from deatwin.ident.frequency.output_responses.several import nofrf_of_inputs
 from deatwin.ident.frequency.response import Band, FrequencyResponse, FrequencyStatus
 from deatwin.ident.frequency.spectrum import output_orders, output_spectrum
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
@@ -57,7 +56,6 @@ __all__ = [
     "linear_part",
     "nofrf",
     "nofrf_exact",
-    "nofrf_of_inputs",
     "output_frequencies",
     "output_orders",
     "output_spectrum",

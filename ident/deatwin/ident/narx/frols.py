@@ -60,7 +60,7 @@ class Frols(CandidateSearch):
     held_out : float
         Share of each recording, at its end, that is held out; used by "free_run" only.
     estimator : callable
-        Estimator of the chosen terms' parameters; see `deatwin.ident.narx.estimation`.
+        Estimator of the chosen terms' parameters; see `deatwin.ident.narx.estimate`.
 
     Attributes
     ----------

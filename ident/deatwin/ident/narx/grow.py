@@ -18,8 +18,7 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.output_error import with_correlated_error
 from deatwin.ident.narx.refine import at_least_error, least_error
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.single_output import single_output
-from deatwin.ident.narx.terms import Term
+from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -34,7 +33,7 @@ class Grow(CandidateSearch):
     """Choose the terms of a NARX model by its free-run error: grow a linear model term by term, then prune it.
 
     The start is the linear model of second order by least squares. The candidate that lowers the free-run error most,
-    to first order, is added, and all parameters are refined to the least free-run error (`extend`), until the model has
+    to first order, is added, and all parameters are refined to the least free-run error, until the model has
     1.5 times as many terms as allowed. Terms are then removed one by one, always the one that raises the error least.
     Among all these models with at most ``max_terms`` terms, the one with the smallest free-run error on
     held-out samples is kept and refined on all samples.
@@ -186,3 +185,41 @@ def _refined(best: NarxModel | None, part: Regression, whole: Regression) -> Nar
     with suppress(ModelError):
         return least_error(least_error(best, part.recordings), whole.recordings)
     return None
+
+
+def single_output(data: Regression) -> Regression:
+    """Return the same regression, term by term, for a single output, which can be simulated alone."""
+    if len(data.recordings[0].outputs) == 1:
+        return data
+    n_inputs, own = len(data.recordings[0].inputs), data.output
+
+    def renamed(variable: Variable) -> Variable:
+        if variable.kind == "u":
+            return replace(variable, channel=variable.index + 1)
+        if variable.index == own:
+            return replace(variable, channel=0)
+        return replace(variable, kind="u", channel=n_inputs + 1 + variable.index - (variable.index > own))
+
+    terms = tuple(Term.product(map(renamed, term.expanded)) for term in data.table.terms)
+    regression = replace(
+        data, table=TermTable(terms), recordings=tuple(_apart(record, own) for record in data.recordings), output=0
+    )
+    if data.input_origin is None or data.output_origin is None:
+        return regression
+    others = np.delete(data.output_origin, own)
+    return replace(
+        regression,
+        input_origin=np.concatenate([data.input_origin, others]),
+        output_origin=data.output_origin[own : own + 1],
+    )
+
+
+def _apart(record: Recording, own: int) -> Recording:
+    """Return a recording of one output, with the other outputs after its inputs."""
+    return Recording.from_arrays(
+        np.concatenate([record.inputs, np.delete(record.outputs, own, axis=0)]),
+        record.outputs[own],
+        record.sample_time,
+        start=record.start,
+        provenance=record.provenance,
+    )

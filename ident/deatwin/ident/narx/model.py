@@ -16,8 +16,7 @@ from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.document import SCHEMA, fields_of, to_document
 from deatwin.ident.narx.drive import Drive, require_suits
-from deatwin.ident.narx.free_run import free_run, innovations
-from deatwin.ident.narx.horizon import require_steps, steps_ahead
+from deatwin.ident.narx.free_run import free_run, innovations, require_steps, steps_ahead
 from deatwin.ident.narx.operating import Array, OperatingRange
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
 from deatwin.ident.narx.shown import shown_units

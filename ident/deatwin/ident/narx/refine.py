@@ -85,61 +85,11 @@ def refine(
     return _refined(found, slopes, errors, chosen, told)
 
 
-def extend(
-    model: NarxModel,
-    recordings: Recordings,
-    candidates: Iterable[Term | str],
-    *,
-    max_terms: int,
-    progress: Progress | None = None,
-) -> tuple[NarxModel, ...]:
-    """Add terms one by one, always the one that lowers the free-run error most, and refine after each.
-
-    The reduction by a candidate is computed to first order: the response of the free run to a small coefficient of the
-    candidate, orthogonalised against the sensitivities of the parameters, is projected on the free-run error. In
-    contrast, simulation-error minimisation (`Semp`) estimates parameters from the one-step error and simulates every
-    enlarged model. On Ctrl-C the path so far is returned.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Model to start from, as for `refine`; a linear model is sufficient.
-    recordings : Recording, Experiment, or several
-        Training data.
-    candidates : iterable of Term or str
-        Candidate terms, also as ``"u(k-1)^2"``; terms already in the model are skipped.
-    max_terms : int
-        Number of terms of the largest model.
-    progress : callable, optional
-        Called with the share done, between 0 and 1, and a description of the current step.
-
-    Returns
-    -------
-    tuple of NarxModel
-        Refined initial model and its successors, each one term larger; the path ends early if no candidate is left.
-
-    Raises
-    ------
-    ModelError
-        If the model has several outputs or noise terms, its free run diverges, or a term cannot be read.
-    """
-    require_model(model)
-    whole_number(max_terms, "max_terms")
-    names = {"input_names": model.input_names, "output_names": model.output_names}
-    terms = [term if isinstance(term, Term) else Term.parse(term, **names) for term in candidates]
-    path: list[NarxModel] = []
-    with suppress(KeyboardInterrupt):
-        for larger in extensions(model, flatten(recordings), terms, max_terms=max_terms):
-            path.append(larger)
-            if progress is not None and len(path) > 1:
-                progress((len(path) - 1) / max(max_terms - len(model.terms), 1), f"{len(larger.terms)} terms")
-    return tuple(path) or (model,)
-
-
 def extensions(
     model: NarxModel, recordings: tuple[Recording, ...], candidates: Iterable[Term], *, max_terms: int
 ) -> Iterator[NarxModel]:
-    """Yield the models of `extend` as they are found; an interrupt reaches the caller."""
+    """Yield the refined model and its successors, each larger by the term that to first order lowers the free-run error
+    most: the run's response to it, orthogonal to the sensitivities, projected on the error."""
     left = [term for term in candidates if term not in model.terms]
     larger = least_error(model, recordings)
     yield larger

@@ -56,7 +56,7 @@ class Semp(CandidateSearch):
 
     Least squares and the F test are valid for white one-step errors. If these are not white, for example because of
     noise on the readings, the model is extended (single output only, and not with ``max_exchanges=0``): its parameters
-    are refined to the smallest free-run error, and terms are added by that error up to ``max_terms`` (`extend`). Of the
+    are refined to the smallest free-run error, and terms are added by that error up to ``max_terms``. Of the
     models on this path, the first one is chosen for which neither it nor any later model is significantly worse than
     the best on held-out sections.
 

@@ -12,12 +12,11 @@ from direct import direct_output
 from made_narx import trained_on
 from slopes import differences
 
-from deatwin.ident.frequency import gfrf, output_orders, output_spectrum, propagate
-from deatwin.ident.frequency.output_responses.estimate import nofrf, nofrf_exact
+from deatwin.ident.frequency import gfrf, propagate
+from deatwin.ident.frequency.output_responses.estimate import nofrf, nofrf_exact, steady_state
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.output_responses.levels import chebyshev_levels
 from deatwin.ident.frequency.output_responses.result import NofrfStatus, NofrfWarning
-from deatwin.ident.frequency.output_responses.steady import steady_state
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.excitation import band_limited_noise
@@ -85,7 +84,7 @@ def test_the_sum_of_orders_is_the_simulated_spectrum(name):
     found = nofrf(model, excitation, 3)
     for level in (1.0, -0.37):  # the second is not among the levels that were fitted
         simulated = simulated_spectrum(model, level * excitation.values)
-        assert relative(found.output_spectrum(level).values, simulated) <= 1e-12
+        assert relative(sum(level**y.order * y.values for y in found.outputs), simulated) <= 1e-12
 
 
 @pytest.mark.parametrize("name", INFINITE)
@@ -223,12 +222,6 @@ def test_derivatives_are_those_of_the_fit():
     np.testing.assert_allclose(
         found.response.covariance[:, 0, 1], np.einsum("nm,mk,nk->n", parts[:, 0], model.theta_cov, parts[:, 1])
     )
-    exact = output_orders(model, excitation, 3)
-    np.testing.assert_allclose(
-        found.output_spectrum(-0.5).gradient,
-        sum((-0.5) ** y.order * y.gradient for y in exact),
-        atol=1e-9 * np.abs(exact[0].gradient).max(),
-    )
 
 
 QUARTIC = {"y(k-1)": 0.5, "u(k-1)": 1.0, "u(k-1)^2": 0.1, "u(k-1)^4": 2.0}
@@ -274,31 +267,13 @@ def test_a_fit_is_propagated_as_the_exact_orders_are_and_fitted_once():
     np.testing.assert_allclose(fitted.nonlinearity, exact.nonlinearity, rtol=1e-6)
 
 
-def test_the_sum_of_orders_at_other_parameters():
-    model = model_of(FINITE["degree 2"])
-    thetas = model.theta + 0.01 * np.random.default_rng(0).normal(size=(3, 5))
-    found = nofrf(model, signal(), 2).output_spectrum(-0.6).evaluate(thetas)
-    for theta, values in zip(thetas, found.values, strict=True):
-        expected = output_spectrum(replace(model, theta=theta), -0.6 * signal().values, 2).values
-        np.testing.assert_allclose(values, expected, atol=1e-10 * np.abs(expected).max())
-
-
 @pytest.mark.parametrize("copy", [deepcopy, lambda found: pickle.loads(pickle.dumps(found))], ids=["copy", "pickle"])
 def test_results_are_copied_and_stay_immutable(copy):
     original = nofrf(model_of(FINITE["degree 2"]), signal(), 2)
-    found, summed = copy((original, original.output_spectrum(0.5)))
+    found = copy(original)
     for array in (found.values, found.levels, found.truncation[0], found.inputs[0].values, copy(signal()).values):
         assert not array.flags.writeable
     np.testing.assert_array_equal(found.response.gradient, original.response.gradient)
-    np.testing.assert_array_equal(summed.gradient, original.output_spectrum(0.5).gradient)
-
-
-@pytest.mark.parametrize(
-    ("level", "text"), [("a", "must be real numbers"), (1e200, "overflows"), (np.nan, "finite"), ([1.0], "one number")]
-)
-def test_what_is_no_level_is_said(level, text):
-    with pytest.raises(ModelError, match=text):
-        nofrf(model_of(FINITE["degree 2"]), signal(), 2).output_spectrum(level)
 
 
 def test_about_an_operating_point():

@@ -7,7 +7,7 @@ from slopes import differences
 
 from deatwin.ident.narx import FitStatus, NarxModel
 from deatwin.ident.narx.linear import Armax, Arx, BoxJenkins, Orders, OutputError
-from deatwin.ident.narx.linear import search as search_module
+from deatwin.ident.narx.linear import prediction as search_module
 from deatwin.ident.narx.linear.polynomials import is_stable, reflected
 from deatwin.ident.narx.linear.prediction import prediction_errors
 from deatwin.plant.errors import ModelError

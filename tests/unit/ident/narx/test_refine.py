@@ -9,7 +9,7 @@ from stopping import StopAt
 
 from deatwin.ident.narx import NarxModel, generate_terms
 from deatwin.ident.narx.linear import OutputError
-from deatwin.ident.narx.refine import extend, prunings, refine, sensitivities
+from deatwin.ident.narx.refine import extensions, prunings, refine, sensitivities
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -107,7 +107,7 @@ def test_terms_are_added_until_the_structure_is_whole(seed: int) -> None:
     # The two terms that are missing explain most of what is left; each first gain is hundreds of noise variances.
     recording = measured(np.random.default_rng(seed), 2000, 0.05)
     start = NarxModel.from_terms({"y(k-1)": 1.0, "y(k-2)": -0.4, "u(k-1)": 0.6}, sample_time=0.1)
-    path = extend(start, recording, generate_terms(2, 2, 3), max_terms=5)
+    path = list(extensions(start, (recording,), generate_terms(2, 2, 3), max_terms=5))
     assert [len(model.terms) for model in path] == [3, 4, 5]
     assert set(path[-1].terms) == {Term.parse(text) for text in TRUE}
     errors = [model.simulate(recording).rms_error for model in path]
@@ -140,7 +140,7 @@ def test_a_term_that_follows_from_the_others_is_not_added() -> None:
     u = rng.choice([-1.0, 1.0], 300)  # its square is the constant
     recording = Recording.from_arrays(u, np.convolve(u, [0, 0.5, 0.2])[:300] + 0.3, 0.1)
     start = NarxModel.from_terms({"1": 0.2, "u(k-1)": 0.4}, sample_time=0.1)
-    path = extend(start, recording, [Term.parse(t) for t in ("u(k-1)^2", "u(k-2)")], max_terms=4)
+    path = list(extensions(start, (recording,), [Term.parse(t) for t in ("u(k-1)^2", "u(k-2)")], max_terms=4))
     assert [str(term) for term in path[-1].terms] == ["1", "u(k-1)", "u(k-2)"]
 
 
@@ -167,8 +167,8 @@ def test_the_search_does_not_depend_on_units(units):
     np.testing.assert_allclose(scaled.theta / scales, found.theta, rtol=1e-5)
     candidates = generate_terms(2, 2, 2)
     for one, other in zip(
-        extend(found, Recording.from_arrays(u, y, 1.0), candidates, max_terms=6),
-        extend(scaled, Recording.from_arrays(units[0] * u, units[1] * y, 1.0), candidates, max_terms=6),
+        extensions(found, (Recording.from_arrays(u, y, 1.0),), candidates, max_terms=6),
+        extensions(scaled, (Recording.from_arrays(units[0] * u, units[1] * y, 1.0),), candidates, max_terms=6),
         strict=True,
     ):
         assert one.terms == other.terms

@@ -18,10 +18,11 @@ from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.output_responses.levels import LevelFit, chebyshev_levels, checked_levels, fit_orders
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum, product_spectrum
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
-from deatwin.ident.frequency.output_responses.steady import steady_state
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import cross_order, one_period, output_orders, spectrum_of
+from deatwin.ident.narx.free_run import free_run
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.response import divergence_limit
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -31,6 +32,11 @@ _MORE = 4  # orders beyond the requested one that may be fitted
 _HIGHEST = 20  # most orders that can be fitted: with two more, Chebyshev levels reach the condition number below
 _CONDITION = 1e8  # condition number beyond which half of the digits are lost
 TRUNCATION = 0.01  # accepted truncation error of an order of the output, as a share of its rms over the lines
+
+
+_RUN = 4096  # least samples of one run: a call costs as much as hundreds of samples
+_PATIENCE = 1_000_000  # most samples of a simulation, or 100 periods if these are longer
+_SMALL = 1e-11  # relative change of the output below which a change that no longer decreases is rounding
 
 
 def nofrf(
@@ -85,7 +91,7 @@ def nofrf(
     """
     order = whole_order(order)
     wanted = _wanted_orders(order, highest)
-    require_one_input(model, "nofrf_of_inputs or nofrf_exact")
+    require_one_input(model, "nofrf_exact")
     period = one_period(excitation, model.sample_time)
     factors = chebyshev_levels(2 * max(wanted[-1], 2)) if levels is None else checked_levels(levels)
     if factors.size < wanted[0]:
@@ -314,3 +320,35 @@ def _said(found: Nofrf) -> str:
 
 def _written(levels: Array) -> str:
     return ", ".join(f"{level:.3g}" for level in levels)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SteadyState:
+    """The last period of a simulation from rest."""
+
+    values: Array  # shape (n_samples,): Output over one period, in its unit
+    settled: bool  # True if the output repeats from period to period, up to rounding
+    diverged: bool  # True if the output left all bounds; the values are then its last ones
+
+
+def steady_state(model: NarxModel, excitation: Array) -> SteadyState:
+    """Simulate a model from rest under a period, (n_samples,) or (n_inputs, n_samples), until the output repeats."""
+    lag, n = model.table.max_lag, excitation.shape[-1]
+    periods = -(-_RUN // n)
+    inputs = np.atleast_2d(excitation)[:, np.arange(-lag, periods * n) % n]
+    outputs = np.zeros((1, lag + periods * n))
+    limit = divergence_limit(model.operating, outputs)
+    last, fell = np.zeros(n), np.inf
+    for _ in range(max(_PATIENCE // (periods * n), 100 // periods) + 1):
+        run, failed = free_run(model.table, model.theta, inputs, outputs, limit)
+        values = run[0, -n:]
+        if failed is not None:
+            return SteadyState(values=values, settled=False, diverged=True)
+        before = run[0, -2 * n : -n] if periods > 1 else last
+        change, size = float(np.abs(values - before).max()), float(np.abs(values).max())
+        if change == 0.0 or fell <= change <= _SMALL * size:
+            return SteadyState(values=values, settled=True, diverged=False)
+        last, fell = values, change
+        outputs = np.zeros_like(outputs)
+        outputs[0, :lag] = run[0, run.shape[1] - lag :]
+    return SteadyState(values=last, settled=False, diverged=False)

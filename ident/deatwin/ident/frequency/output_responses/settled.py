@@ -47,7 +47,8 @@ class Evaluated:
     @property
     def sum_error(self) -> float:
         """Largest error of the sum of G_n U_n, relative to the largest line of the simulated output."""
-        error = np.abs(self.fitted.output_spectrum().values - self.simulated)
+        outputs = np.array([y.values for y in self.fitted.outputs])
+        error = np.abs(np.ones(len(outputs)) @ outputs - self.simulated)
         return float(error.max() / np.abs(self.simulated).max())
 
 
