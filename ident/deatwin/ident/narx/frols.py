@@ -51,9 +51,8 @@ class Frols(CandidateSearch):
 
         - "ebic", ``n ln s + k ln n + 2 ln C(p, k)`` with the number C(p, k) of models of k terms: the extended Bayesian
           criterion, which avoids false terms even among many candidates;
-        - "bic" and "aic", ``n ln s + k ln n`` and ``n ln s + 2 k``, and "aicc", aic corrected for few samples: these
-          ignore the number of candidates, and keep false terms if there are hundreds of candidates;
-        - "press": ``n ln`` of the mean squared leave-one-out error; it ignores the number of candidates too;
+        - "bic" and "aic", ``n ln s + k ln n`` and ``n ln s + 2 k``: these ignore the number of candidates, and keep
+          false terms if there are hundreds of candidates;
         - "free_run": mean squared free-run error over the held-out samples; terms are chosen on the other samples,
           parameters estimated on all;
         - "none": ``max_terms`` terms are kept.

@@ -73,7 +73,7 @@ def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> boo
     n = max(1, int(sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)))
     squares = [float(np.mean(np.concatenate(errors) ** 2)) for errors in (old, new)]
     values = [
-        CRITERIA["ebic"](square, np.inf, n, len(one.terms), len(data.table.terms))
+        CRITERIA["ebic"](square, n, len(one.terms), len(data.table.terms))
         for square, one in zip(squares, (model, larger), strict=True)
     ]
     return values[1] < values[0]

@@ -24,7 +24,7 @@ from deatwin.plant.errors import ModelError, nearest
 
 Array = NDArray[np.float64]
 
-_KNOWN = ("ebic", "bic", "aic", "none")
+_KNOWN = (*CRITERIA, "none")
 
 
 @dataclass(eq=False, repr=False)
@@ -187,9 +187,7 @@ class Narmax(NarxIdentifier):
         count = len(steps)
         if self.criterion != "none":
             residual = target - least_squares(given, target).theta @ given
-            without = CRITERIA[self.criterion](
-                float(np.mean(residual**2)), np.inf, target.size, 0, len(candidates.terms)
-            )
+            without = CRITERIA[self.criterion](float(np.mean(residual**2)), target.size, 0, len(candidates.terms))
             values = criterion_values(self.criterion, steps, target, len(candidates.terms))
             count = int(np.argmin([without, *values]))
         return tuple(candidates.terms[step.candidate] for step in steps[:count])
