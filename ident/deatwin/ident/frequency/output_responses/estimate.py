@@ -15,7 +15,7 @@ from deatwin.ident.frequency.checks import polynomial_model, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import input_row, require_one_input, unit_of
 from deatwin.ident.frequency.many import Evaluated
-from deatwin.ident.frequency.output_responses.levels import LevelFit, chebyshev_levels, checked_levels, fit_orders
+from deatwin.ident.frequency.output_responses.levels import LevelFit, chebyshev_levels, fit_orders
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum, product_spectrum
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.response import FrequencyResponse
@@ -29,8 +29,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _MORE = 4  # orders beyond the requested one that may be fitted
-_HIGHEST = 20  # most orders that can be fitted: with two more, Chebyshev levels reach the condition number below
-_CONDITION = 1e8  # condition number beyond which half of the digits are lost
+_HIGHEST = 20  # most orders that can be fitted: with two more, the powers of the levels reach a condition number of 1e8
 TRUNCATION = 0.01  # accepted truncation error of an order of the output, as a share of its rms over the lines
 
 
@@ -44,16 +43,15 @@ def nofrf(
     excitation: ArrayLike,
     order: int,
     *,
-    levels: ArrayLike | None = None,
     highest: int | None = None,
     operating_input: ArrayLike | None = None,
 ) -> Nofrf:
     """Estimate nonlinear output frequency responses by least squares over levels of an excitation.
 
     The output's spectrum in the steady state is Y = G_1 U_1 + G_2 U_2 + ..., where G_n is the response of order n and
-    U_n is the spectrum of the input's n-th power. The model is simulated at several levels of the excitation, and at
-    each line the orders are separated by their growth with the level. An order n is fitted only at lines that are sums
-    of n input frequencies.
+    U_n is the spectrum of the input's n-th power. The model is simulated at twice as many levels of the excitation as
+    orders, Chebyshev nodes of both signs, and at each line the orders are separated by their growth with the level. An
+    order n is fitted only at lines that are sums of n input frequencies.
 
     Parameters
     ----------
@@ -64,9 +62,6 @@ def nofrf(
         unit; see `design_excitation`.
     order : int
         Desired order n, from 1 to 20.
-    levels : array_like, shape (n_levels,), optional
-        Factors of the excitation; by default Chebyshev nodes of both signs, twice as many as orders. The error caused
-        by orders that were not fitted can only be estimated with at least two more levels than orders.
     highest : int, optional
         Number of orders to fit, up to 20. By default the smallest number, from ``order`` to ``order`` + 4, whose
         prediction error at left-out levels is at most twice the smallest of these errors.
@@ -81,8 +76,8 @@ def nofrf(
     Raises
     ------
     ModelError
-        If order, levels or excitation are not as described, there are fewer levels than orders (levels at which the
-        model diverges do not count), or the model has several inputs or no equilibrium.
+        If order or excitation are not as described, the model diverges at so many levels that fewer remain than there
+        are orders, or the model has several inputs or no equilibrium.
 
     References
     ----------
@@ -93,11 +88,9 @@ def nofrf(
     wanted = _wanted_orders(order, highest)
     require_one_input(model, "nofrf_exact")
     period = one_period(excitation, model.sample_time)
-    factors = chebyshev_levels(2 * max(wanted[-1], 2)) if levels is None else checked_levels(levels)
-    if factors.size < wanted[0]:
-        raise ModelError(f"{factors.size} level(s) cannot separate {wanted[0]} orders; give at least {wanted[0]}")
     powers = _powers(model, period, wanted[-1] + 2)
-    runs = _run(deviations(model, operating_input), period, factors, wanted[0])
+    levels = chebyshev_levels(2 * max(wanted[-1], 2))
+    runs = _run(deviations(model, operating_input), period, levels, wanted[0])
     fit = fit_orders(runs.levels, runs.spectra, [u.in_range for u in powers], wanted)
     exact = output_orders(model, period, len(fit.orders), operating_input=operating_input)
     found = _judged(_result(model, order, exact, powers[: len(exact)], runs, fit), runs.settled)
@@ -265,10 +258,8 @@ def _judged(found: Nofrf, settled: bool) -> Nofrf:
         NofrfStatus.UNSTABLE: not found.response.status.ok,
         NofrfStatus.DIVERGED: found.lost_levels.size > 0,
         NofrfStatus.NOT_SETTLED: not settled,
-        NofrfStatus.ILL_CONDITIONED: found.condition > _CONDITION,
         NofrfStatus.ERRATIC_EXCITATION: not all(u.suitable for u in found.inputs[: found.order]),
         NofrfStatus.TRUNCATED: found.advisable_level < 1.0,
-        NofrfStatus.UNVERIFIED: np.isnan(found.advisable_level),
     }
     return replace(found, status=next((status for status, present in faults.items() if present), NofrfStatus.OK))
 
@@ -313,8 +304,6 @@ def _said(found: Nofrf) -> str:
         return f"{found.status.value} ({_written(found.lost_levels)} times the excitation)"
     if found.status is NofrfStatus.TRUNCATED:
         return f"{found.status.value} (about {found.advisable_level:.2g} times these levels would do)"
-    if found.status is NofrfStatus.UNVERIFIED:
-        return f"{found.status.value} ({found.levels.size} level(s) for {found.highest} order(s))"
     return found.status.value
 
 

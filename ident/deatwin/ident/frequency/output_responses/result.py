@@ -49,7 +49,6 @@ class NofrfStatus(Enum):
         "the output does not repeat with the period of the excitation: the model is very slow or oscillates by itself; "
         "choose a longer period or a lower amplitude"
     )
-    ILL_CONDITIONED = "the amplitude levels hardly separate the orders; choose levels of both signs, spread over the whole range, or fewer orders"
     ERRATIC_EXCITATION = (
         "the contributions to the powers of this excitation cancel at some frequencies, where the NOFRF is erratic: "
         "random recordings are unsuitable; use design_excitation"
@@ -57,10 +56,6 @@ class NofrfStatus(Enum):
     TRUNCATED = (
         "orders that were not fitted act at these levels: they change a NOFRF by more than 1 %; lower the amplitude or "
         "fit more orders"
-    )
-    UNVERIFIED = (
-        "the error caused by orders beyond those fitted is unknown, because there are too few levels; give at least "
-        "two more levels than orders, spread out"
     )
 
     @property
