@@ -41,7 +41,7 @@ def direct_output(
     return FrequencyResponse(
         symbol="Y",
         order=order,
-        values=total.over(partial(values_at, about, form="symmetric"), ()),
+        values=total.over(partial(values_at, about), ()),
         omega=line_frequencies(period.size, model.sample_time),
         point=about.point,
         status=FrequencyStatus.at(about.point),
@@ -53,7 +53,7 @@ def direct_output(
 
 
 def _gradient(total: _Sum, about: Deviations) -> Complex:
-    return total.over(partial(gradient_at, about, form="symmetric"), (about.jacobian.shape[1],))
+    return total.over(partial(gradient_at, about), (about.jacobian.shape[1],))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

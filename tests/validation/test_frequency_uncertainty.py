@@ -14,18 +14,15 @@ import pytest
 from scipy import stats
 
 from deatwin.ident.frequency import FrequencyResponse, gfrf, output_orders, output_spectrum
-from deatwin.ident.frequency.frf import frf
-from deatwin.ident.frequency.uncertainty.parameters import Model
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyWarning, propagate
 from deatwin.ident.frequency.uncertainty.sampling import sample
 from deatwin.ident.narx import Fixed, NarxModel
-from deatwin.ident.narx.linear import Arx, OutputError
 from deatwin.ident.narx.posterior import covariance_root
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 Array = np.ndarray
-Quantity = Callable[[Model], FrequencyResponse]
+Quantity = Callable[[NarxModel], FrequencyResponse]
 
 DRAWS = 20_000
 LONG = 40_000  # samples after which the parameters are known well enough for the linear law to hold
@@ -99,7 +96,7 @@ def largest_departure(found: Propagated, covariances: Array) -> Array:
     return np.abs(np.linalg.eigvalsh(departures[..., live, :, :])).max(axis=(-1, -2))
 
 
-def simultaneous_limit(model: Model, found: Propagated, n_draws: int, rng: np.random.Generator) -> float:
+def simultaneous_limit(model: NarxModel, found: Propagated, n_draws: int, rng: np.random.Generator) -> float:
     """What the largest departure stays below with probability LEVEL, for draws of a response that is linear.
 
     Sample covariances of linear responses are J S J' with one Wishart-distributed S for all frequencies.
@@ -112,7 +109,7 @@ def simultaneous_limit(model: Model, found: Propagated, n_draws: int, rng: np.ra
     return float(np.quantile(departures, LEVEL))
 
 
-def assert_within(model: Model, quantity: Quantity, seed: int, n_draws: int = DRAWS) -> None:
+def assert_within(model: NarxModel, quantity: Quantity, seed: int, n_draws: int = DRAWS) -> None:
     rng = np.random.default_rng(seed)
     found, drawn = propagate(model, quantity), sample(model, quantity, rng, n_draws)
     assert found.linear_law.all() and drawn.status.ok
@@ -138,33 +135,10 @@ def test_covariances_of_many_data_sets_are_within_the_band(name: str, seed: int)
     assert_within(identified(100 + seed, LONG), QUANTITIES[name], seed=200 + seed)
 
 
-@pytest.mark.parametrize("name", ["ARX", "output error"])
-def test_covariance_of_linear_models_is_within_the_band_of_their_draws(name: str) -> None:
-    assert_within(linear_model(name, np.random.default_rng(5), 20_000), partial(frf, omega=OMEGA), seed=6)
-
-
 # Coverage of the truth
 
 
-def linear_model(name: str, rng: np.random.Generator, n: int) -> Model:
-    """An ARX or output-error model of data of its own kind."""
-    from scipy import signal
-
-    inputs, noise = rng.standard_normal((2, n + 200))
-    b, a = [0.0, 0.5, 0.2], [1.0, -1.2, 0.52]
-    answer, disturbance = signal.lfilter(b, a, inputs), 0.3 * noise
-    outputs = answer + (signal.lfilter([1.0], a, disturbance) if name == "ARX" else disturbance)
-    data = Recording.from_arrays(inputs[200:], outputs[200:], 1.0)
-    kind = Arx(na=2, nb=2, nk=1) if name == "ARX" else OutputError(nb=2, nf=2, nk=1)
-    return kind.fit(data).model_
-
-
-def true_linear(omega: Array) -> Array:
-    q = np.exp(-1j * omega)
-    return (0.5 * q + 0.2 * q**2) / (1 - 1.2 * q + 0.52 * q**2)
-
-
-def covered(model: Model, quantity: Quantity, truth: Array) -> Array:
+def covered(model: NarxModel, quantity: Quantity, truth: Array) -> Array:
     """Whether each 95 % ellipse holds the truth."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UncertaintyWarning)
@@ -201,19 +175,6 @@ def test_coverage_over_a_thousand_data_sets() -> None:
     """92 to 98 % at each frequency: 4.3 standard deviations of the share (0.7 %)."""
     for name, shares in coverage_of_narx(1000, seed=22).items():
         assert shares.min() >= 0.92 and shares.max() <= 0.98, (name, shares)
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("name", ["ARX", "output error"])
-def test_coverage_of_linear_models_over_a_thousand_data_sets(name: str) -> None:
-    omega = np.array([0.0, 0.1, 0.5, 1.0, 2.0, 3.0])
-    truth = true_linear(omega)
-    flags = [
-        covered(linear_model(name, rng, 500), partial(frf, omega=omega), truth)
-        for rng in np.random.default_rng(23).spawn(1000)
-    ]
-    shares = np.mean(flags, axis=0)
-    assert shares.min() >= 0.92 and shares.max() <= 0.98, shares
 
 
 # The index

@@ -16,7 +16,7 @@ from deatwin.control import check as check_design
 from deatwin.control.design.named import Wanted, design_named
 from deatwin.ident.mismatch.diagnosis import SCHEMA
 from deatwin.ident.narx import NarxModel, excited_band
-from deatwin.ident.narx.excited import highest_excited_Hz
+from deatwin.ident.narx.excited import BAND_KEY, number_of
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.documents import read_document
 from deatwin.plant.errors import DataError, ModelError
@@ -78,7 +78,7 @@ class CheckTask:
             model=self.model,
             reading=rig.reading,
             closed_loop_time=self.closed_loop_time,
-            band_Hz=highest_excited_Hz(self.model.provenance)
+            band_Hz=number_of(self.model.provenance, BAND_KEY)
             if self.recording is None
             else excited_band(self.recording),
             operating_range=self.operating_range,

@@ -21,7 +21,7 @@ from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
 from deatwin.ident.narx import NarxModel, Reliance
-from deatwin.ident.narx.excited import highest_excited_Hz
+from deatwin.ident.narx.excited import BAND_KEY, number_of
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import ModelError
 from deatwin.plant.prefixes import with_unit
@@ -168,7 +168,7 @@ class Responses:
         if names and self.order > 1:
             yield (
                 "this command computes NOFRFs only for models with one input; for a model with several inputs, use "
-                "deatwin.ident.frequency.nofrf_of_inputs in Python"
+                "deatwin.ident.frequency.nofrf_exact in Python"
             )
 
     def to_json(self) -> dict[str, Any]:
@@ -227,7 +227,7 @@ def respond(
         wanted = f"once for each of {', '.join(names)}, in this order" if names else "once"
         raise ModelError(f"--operating-input has {count} value(s): give it {wanted}")
     highest = np.pi / model.sample_time
-    excited = highest_excited_Hz(model.provenance)
+    excited = number_of(model.provenance, BAND_KEY)
     band = _band(model, band_Hz, excited)
     omega = np.geomspace(highest / 10**DECADES, highest, POINTS)
     responses = (

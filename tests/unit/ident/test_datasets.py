@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency import frf
+from deatwin.ident.frequency import gfrf
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.narx import NarxModel, validate
 from deatwin.ident.narx.document import fields_of
 from deatwin.ident.narx.lasso import LassoPath
 from deatwin.ident.narx.linear import LinearModel
-from deatwin.ident.narx.linear.document import fields_of as linear_fields_of
+from deatwin.ident.narx.linear.model import fields_of as linear_fields_of
 from deatwin.ident.narx.predictive import one_step_band
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections
 from deatwin.ident.narx.preprocess.orders import OrderChoice, OrderTrial, TrialStatus
@@ -88,7 +88,7 @@ def test_a_linear_model_and_its_response(kept):
     again = LinearModel(**linear_fields_of(json.loads(str(back["document"].values))))
     assert again.theta.tolist() == model.theta.tolist()
     omega = np.array([0.0, 10.0])
-    response = kept(frf(model, omega).to_xarray())
+    response = kept(gfrf(model.to_narx(), 1, omega).to_xarray())
     shift = np.exp(-1j * omega * 0.02)
     expected = (0.3 * shift + 0.1 * shift**2) / (1 - 0.6 * shift)
     np.testing.assert_allclose(response["real"], expected.real, rtol=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.narx import Frols, Grow, Semp, SvbNarx
-from deatwin.ident.narx.estimation import TotalLeastSquares
+from deatwin.ident.narx.estimate import TotalLeastSquares
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.lasso import Lasso

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.arguments import real_numbers
-from deatwin.ident.frequency.blocks import blocks_of
 from deatwin.ident.frequency.checks import polynomial_model, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.hierarchy import products_of, solve_parts
 from deatwin.ident.frequency.many import gfrf_of_many
-from deatwin.ident.frequency.parts import FORMS, Tones
+from deatwin.ident.frequency.parts import Tones, blocks_of
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.names import symbols_of
@@ -35,7 +34,6 @@ def gfrf(
     *,
     inputs: Sequence[str] | None = None,
     operating_input: ArrayLike | None = None,
-    form: str = "symmetric",
 ) -> FrequencyResponse:
     """Compute the generalised frequency response H_n of a model about an operating point.
 
@@ -58,9 +56,6 @@ def gfrf(
     operating_input : float, or array_like of shape (n_inputs,), optional
         Constant input about which the model is expanded, in its unit; the mean of the training inputs by default (0
         after `remove_dc`, and without training data).
-    form : str
-        "symmetric" for the response that does not depend on the order of the frequencies; "recursive" for the result of
-        the recursion of Peyton Jones and Billings, which has the same mean over all permutations.
 
     Returns
     -------
@@ -71,7 +66,7 @@ def gfrf(
     Raises
     ------
     ModelError
-        If the order or the form is not available; if the model has several outputs, noise terms or no equilibrium; if
+        If the order is not available; if the model has several outputs, noise terms or no equilibrium; if
         it has several inputs and `inputs` is omitted; if the frequencies are not real numbers of that shape in that
         range; or if some of them add up to the frequency of a pole on the unit circle.
 
@@ -91,8 +86,6 @@ def gfrf(
     array([2.])
     """
     order = whole_order(order, HIGHEST_ORDER)
-    if not isinstance(form, str) or form not in FORMS:
-        raise ModelError(f"form = {form!r}{nearest(str(form), FORMS)}; known are {' and '.join(FORMS)}")
     rows = _rows_of(polynomial_model(model), inputs, order)
     frequencies = checked_frequencies(omega, model.sample_time, order)
     about = deviations(model, operating_input)
@@ -100,7 +93,7 @@ def gfrf(
     return FrequencyResponse(
         symbol="H",
         order=order,
-        values=values_at(about, angles, form, rows),
+        values=values_at(about, angles, rows),
         omega=frequencies,
         point=about.point,
         status=FrequencyStatus.at(about.point),
@@ -108,8 +101,8 @@ def gfrf(
         inputs=names_of(model, rows),
         theta_cov=model.theta_cov,
         theta_dof=model.theta_dof,
-        differentiate=Pointwise(partial(gradient_at, about, form=form, rows=rows), angles),
-        evaluate=Pointwise(partial(gfrf_of_many, model, about.point, form, rows), angles),
+        differentiate=Pointwise(partial(gradient_at, about, rows=rows), angles),
+        evaluate=Pointwise(partial(gfrf_of_many, model, about.point, rows), angles),
     )
 
 
@@ -214,9 +207,9 @@ def checked_frequencies(omega: ArrayLike, sample_time: float, order: int = 1) ->
     return given
 
 
-def values_at(about: Deviations, angles: Array, form: str, rows: Sequence[int] = ()) -> Complex:
+def values_at(about: Deviations, angles: Array, rows: Sequence[int] = ()) -> Complex:
     """Return H_n about an equilibrium. Shapes: `angles` (n, order); `rows` (order,) of the inputs; returns (n,)."""
-    shape, blocks = _blocks(about, angles, FORMS[form], 1, rows)
+    shape, blocks = _blocks(about, angles, 1, rows)
     values = np.zeros(shape, dtype=np.complex128)
     for block, tones in blocks:
         jet = solve_parts(about.model.terms, about.model.theta, tones, by_theta=False).get(tones.whole)
@@ -225,9 +218,9 @@ def values_at(about: Deviations, angles: Array, form: str, rows: Sequence[int] =
     return values.reshape(-1)
 
 
-def gradient_at(about: Deviations, angles: Array, form: str, rows: Sequence[int] = ()) -> Complex:
+def gradient_at(about: Deviations, angles: Array, rows: Sequence[int] = ()) -> Complex:
     """Derivative of H_n by the parameters of the expanded model. Shapes: `angles` (n, order); (n, n_terms)."""
-    shape, blocks = _blocks(about, angles, FORMS[form], 1 + len(about.model.terms), rows)
+    shape, blocks = _blocks(about, angles, 1 + len(about.model.terms), rows)
     gradient = np.zeros((*shape, about.jacobian.shape[1]), dtype=np.complex128)
     for block, tones in blocks:
         jet = solve_parts(about.model.terms, about.model.theta, tones, by_theta=True).get(tones.whole)
@@ -237,9 +230,9 @@ def gradient_at(about: Deviations, angles: Array, form: str, rows: Sequence[int]
 
 
 def _blocks(
-    about: Deviations, angles: Array, form: type[Tones], numbers: int, rows: Sequence[int]
+    about: Deviations, angles: Array, numbers: int, rows: Sequence[int]
 ) -> tuple[tuple[int, ...], Iterator[tuple[tuple[slice, ...], Tones]]]:
     """Split the frequencies to limit memory; at each frequency, a product needs ``numbers`` numbers."""
-    held = len(form(angles[:0]).order) * products_of(about.model.terms)
+    held = (2 ** angles.shape[1] - 1) * products_of(about.model.terms)
     size = max(1, min(_BLOCK, _HELD // held) // numbers)
-    return blocks_of(angles, form, size, rows)
+    return blocks_of(angles, size, rows)

@@ -5,8 +5,8 @@ product of lagged signals splits a part in all ways that the parts allow, so the
 
     (1 - sum_l a_l q^-l) v[s] = sum_m theta_m product_m[s],
 
-holds only smaller parts on its right. In order of size it is, on intervals of frequencies, the recursion of Peyton
-Jones and Billings (Int. J. Control 50 (1989) 1925-1940, doi:10.1080/00207178908953472); on sets, its symmetric form.
+holds only smaller parts on its right. On sets of frequencies it is, in order of size, the symmetric form of the recursion
+of Peyton Jones and Billings (Int. J. Control 50 (1989) 1925-1940, doi:10.1080/00207178908953472).
 """
 
 from __future__ import annotations

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.arguments import real_numbers
-from deatwin.ident.frequency.checks import narx_model
 from deatwin.ident.frequency.frozen import Frozen
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.variables import Variable, argument_of
 from deatwin.plant.errors import ModelError
 
@@ -62,7 +61,7 @@ class LinearPart(Frozen):
 
 def operating_input_of(model: NarxModel, operating_input: ArrayLike | None) -> Array:
     """Return the constant inputs at which a model is analysed. Shapes: `operating_input` ()."""
-    narx_model(model).require_one_output("frequency analysis")
+    require_model(model).require_one_output("frequency analysis")
     count = len(model.input_names)
     if operating_input is None:
         return np.zeros(count) if model.operating is None else model.operating.input_centre

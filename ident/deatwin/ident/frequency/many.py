@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.blocks import blocks_of
 from deatwin.ident.frequency.dc import Equilibrium, expand
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.hierarchy import Jet, solve_parts
 from deatwin.ident.frequency.linear import levels
-from deatwin.ident.frequency.parts import FORMS, Orders
+from deatwin.ident.frequency.parts import Orders, blocks_of
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
 
@@ -53,12 +52,10 @@ class _Many:
     stable: NDArray[np.bool_]  # shape (n_draws,): True for draws that have a stable one
 
 
-def gfrf_of_many(
-    model: NarxModel, point: Equilibrium, form: str, rows: Sequence[int], angles: Array, thetas: Array
-) -> Evaluated:
+def gfrf_of_many(model: NarxModel, point: Equilibrium, rows: Sequence[int], angles: Array, thetas: Array) -> Evaluated:
     """Compute H_n at many parameters. Shapes: `angles` (n, order); `thetas` (n_draws, n_terms)."""
     many = _deviations(model, point, thetas)
-    shape, blocks = blocks_of(angles, FORMS[form], _MOST, rows)
+    shape, blocks = blocks_of(angles, _MOST, rows)
     values = np.full((len(thetas), *shape), np.nan + 0j)
     beside = (1,) * (len(shape) - 1)
     for block, tones in blocks:

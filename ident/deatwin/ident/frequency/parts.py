@@ -1,11 +1,11 @@
-"""Three ways to split signals into parts: sets of tones, runs of tones, and orders of a periodic output."""
+"""Two ways to split signals into parts: sets of tones, and orders of a periodic output."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import product
-from math import factorial
+from math import factorial, prod
 from typing import Any, Self
 
 import numpy as np
@@ -86,34 +86,6 @@ class Tones:
         return self._powers[part, lag]
 
 
-class TonesInOrder(Tones):
-    """Runs of neighbouring tones only, in the order of the factors. The run of all tones gives H_n by Peyton Jones and
-    Billings' eq. 18, which is not symmetric but has the same mean over all permutations."""
-
-    @property
-    def repeats(self) -> int:
-        """Number of times that H_n occurs in the component of all tones."""
-        return 1
-
-    @cached_property
-    def order(self) -> Sequence[int]:
-        """All runs, short ones first."""
-        sizes = range(1, self.count + 1)
-        return [((1 << size) - 1) << first for size in sizes for first in range(self.count - size + 1)]
-
-    def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """Return all ways to cut a run in two."""
-        first = part & -part
-        rest = first
-        while rest != part:
-            yield rest, part ^ rest
-            rest |= rest << 1
-
-
-FORMS: Mapping[str, type[Tones]] = {"symmetric": Tones, "recursive": TonesInOrder}
-"""Forms of a frequency response of several frequencies."""
-
-
 class Orders:
     """Parts of a periodic output by order, that is, by the power of the input's size. Shapes: `excitation` (..., n)."""
 
@@ -169,11 +141,6 @@ class CrossOrders(Orders):
         return np.roll(self.excitation[row], lag) if part == self._base**row else None
 
 
-def require_no_pole(feedback: Feedback, angles: Array) -> None:
-    """Raise ModelError if 1 - sum_l a_l e^(-jwl) is zero at an angle, (n,)."""
-    _denominator(feedback, np.exp(-1j * angles), lambda lag: np.exp(-1j * lag * angles))
-
-
 def _denominator(feedback: Feedback, turn: Array, shift: Callable[[int], Array]) -> Array:
     """Return 1 - sum_l a_l e^(-jwl), which must not be zero; ``turn`` is e^(-jw) and ``shift(l)`` is e^(-jwl)."""
     denominator, size = np.ones_like(turn), np.ones(1)
@@ -188,3 +155,48 @@ def _denominator(feedback: Feedback, turn: Array, shift: Callable[[int], Array])
             "sampling rate: no response is finite where frequencies add to that; leave them out"
         )
     return denominator
+
+
+def blocks_of(
+    angles: Array, size: int, rows: Sequence[int] = ()
+) -> tuple[tuple[int, ...], Iterator[tuple[tuple[slice, ...], Tones]]]:
+    """Cut frequencies into blocks. Shapes: `angles` (n, order); `rows` (order,) of the inputs."""
+    axes = _axes(angles)
+    if axes is None:
+        lines = ((part,) for part in _cut(len(angles), size))
+        return (len(angles),), ((block, Tones(angles[block], rows)) for block in lines)
+    shape = tuple(axis.size for axis in axes)
+    lengths = list(shape)
+    while prod(lengths) > size:  # halving the longest side keeps blocks nearly cubic, with small faces
+        longest = int(np.argmax(lengths))
+        lengths[longest] = -(-lengths[longest] // 2)
+    boxes = product(*(_cut(n, length) for n, length in zip(shape, lengths, strict=True)))
+    return shape, (
+        (box, Tones.on_grid([axis[cut] for axis, cut in zip(axes, box, strict=True)], rows)) for box in boxes
+    )
+
+
+def _cut(count: int, length: int) -> list[slice]:
+    return [slice(first, first + length) for first in range(0, count, length)]
+
+
+def _axes(angles: Array) -> list[Array] | None:
+    """Return the frequencies of each tone if the points are all their combinations, the last one varying fastest."""
+    lengths, stride = [], len(angles)
+    for column in angles.T:
+        changed = column != column[0]
+        step = int(np.argmax(changed)) if changed.any() else stride
+        if step > stride or stride % step:
+            return None
+        lengths.append(stride // step)
+        stride = step
+    if stride != 1:
+        return None
+    axes = []
+    grid = angles.reshape(*lengths, angles.shape[1])
+    for tone in range(angles.shape[1]):
+        along = np.moveaxis(grid[..., tone], tone, -1)
+        axes.append(along[(0,) * (len(lengths) - 1)])
+        if np.any(along != axes[-1]):
+            return None
+    return axes

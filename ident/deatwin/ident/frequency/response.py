@@ -266,8 +266,7 @@ class FrequencyResponse(Described, Frozen):
         """Plot the gain on `ax` or new axes: over frequency with its 95 % band, or over two frequencies as contours.
 
         A response of order three or more on a grid is plotted as a slice over the first two frequencies, with the
-        others held constant; points that do not form a grid are plotted as points. See also `bode`, `plot_surface` and
-        `slice_of`.
+        others held constant; points that do not form a grid are plotted as points. See also `bode`.
         """
         from deatwin.ident.frequency.drawing import plot_response
 

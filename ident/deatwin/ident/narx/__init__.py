@@ -6,8 +6,7 @@ y(k) = 0.6 y(k-1) + 0.3 u(k-1)^2 + e(k)
 """
 
 from deatwin.ident.narx.assessed import assessed, hold_out
-from deatwin.ident.narx.estimate import LeastSquares
-from deatwin.ident.narx.estimation import TotalLeastSquares
+from deatwin.ident.narx.estimate import LeastSquares, TotalLeastSquares
 from deatwin.ident.narx.excited import Excitation, excitation, excited_band
 from deatwin.ident.narx.export import narx_source
 from deatwin.ident.narx.fixed import Fixed
@@ -24,7 +23,7 @@ from deatwin.ident.narx.predictive import PredictiveBand, free_run_band, one_ste
 from deatwin.ident.narx.pruning import PruningStep
 from deatwin.ident.narx.random_walk import ThetaSmoother
 from deatwin.ident.narx.recursive import Rls
-from deatwin.ident.narx.refine import extend, prune, refine
+from deatwin.ident.narx.refine import refine
 from deatwin.ident.narx.reliance import Reliance, assess_reliance
 from deatwin.ident.narx.residual import Residual, free_run_residual
 from deatwin.ident.narx.residual_tests import CorrelationTest
@@ -84,14 +83,12 @@ __all__ = [
     "assessed",
     "excitation",
     "excited_band",
-    "extend",
     "free_run_band",
     "free_run_residual",
     "generate_terms",
     "hold_out",
     "narx_source",
     "one_step_band",
-    "prune",
     "refine",
     "register_function",
     "robust",

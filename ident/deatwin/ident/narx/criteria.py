@@ -1,9 +1,9 @@
-"""Choose the number of terms: information criteria, cross-validation, free-run error on held-out samples."""
+"""Choose the number of terms: information criteria, free-run error on held-out samples."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import inf, log
+from math import log
 from types import MappingProxyType
 
 import numpy as np
@@ -20,14 +20,12 @@ from deatwin.plant.recording import Recording
 Array = NDArray[np.float64]
 
 
-CRITERIA: Mapping[str, Callable[[float, float, int, int, int], float]] = MappingProxyType(
+CRITERIA: Mapping[str, Callable[[float, int, int, int], float]] = MappingProxyType(
     {
-        # s mean squared residual, v mean squared leave-one-out error, n samples, k terms, p candidates
-        "ebic": lambda s, v, n, k, p: n * log(s) + k * log(n) - 2 * log_prior(k, p),
-        "bic": lambda s, v, n, k, p: n * log(s) + k * log(n),
-        "aic": lambda s, v, n, k, p: n * log(s) + 2 * k,
-        "aicc": lambda s, v, n, k, p: n * log(s) + 2 * k + (2 * k * (k + 1) / (n - k - 1) if n > k + 1 else inf),
-        "press": lambda s, v, n, k, p: n * log(v) if v < inf else inf,
+        # s mean squared residual, n samples, k terms, p candidates
+        "ebic": lambda s, n, k, p: n * log(s) + k * log(n) - 2 * log_prior(k, p),
+        "bic": lambda s, n, k, p: n * log(s) + k * log(n),
+        "aic": lambda s, n, k, p: n * log(s) + 2 * k,
     }
 )
 """Criteria that depend on the selection path alone, all on the scale of n ln(mean square); the smallest value is
@@ -40,10 +38,7 @@ def criterion_values(name: str, steps: Sequence[SelectionStep], target: Array, c
     # A residual at rounding level carries no information and must not justify further terms.
     floor = float(np.finfo(float).eps ** 2 * (target @ target)) / n
     return np.array(
-        [
-            CRITERIA[name](max(step.residual / n, floor), max(step.press / n, floor), n, k, candidates)
-            for k, step in enumerate(steps, start=1)
-        ]
+        [CRITERIA[name](max(step.residual / n, floor), n, k, candidates) for k, step in enumerate(steps, start=1)]
     )
 
 

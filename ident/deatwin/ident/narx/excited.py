@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from math import inf
+from math import inf, isfinite
 from typing import Self
 
 import numpy as np
@@ -83,14 +83,10 @@ class Excitation:
     @classmethod
     def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
         """Read the excitation from a model's `provenance`, or None; ModelError if its band or holes make no sense."""
-        if (written := provenance.get(BAND_KEY)) is None:
+        if (band := number_of(provenance, BAND_KEY)) is None:
             return None
-        try:
-            band = float(written)
-        except ValueError:
-            band = -1.0
-        if not 0.0 < band < inf:
-            raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a positive number")
+        if band <= 0.0:
+            raise ModelError(f"the model's provenance has {BAND_KEY} = {band:g}: it must be a positive number")
         holes = provenance.get(HOLES_KEY, "")
         try:
             edges = [float(edge) for hole in holes.split(", ") for edge in hole.split(" to ")] if holes else []
@@ -198,10 +194,14 @@ def _last_line(power: NDArray[np.float64]) -> int:
     return int(np.searchsorted(np.cumsum(power), _EXCITED_SHARE * power.sum()))
 
 
-def highest_excited_Hz(provenance: Mapping[str, str]) -> float | None:
-    """Return the frequency, Hz, below which the training input has 99 % of its power, from the model's provenance."""
-    written = provenance.get(BAND_KEY)
+def number_of(provenance: Mapping[str, str], key: str) -> float | None:
+    """Read a number from a model's provenance; None if it is absent."""
+    if (written := provenance.get(key)) is None:
+        return None
     try:
-        return None if written is None else float(written)
+        value = float(written)
     except ValueError:
-        raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a number") from None
+        value = inf
+    if not isfinite(value):
+        raise ModelError(f"the model's provenance has {key} = {written!r}: it must be a number")
+    return value

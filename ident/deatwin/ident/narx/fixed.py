@@ -11,6 +11,7 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -26,7 +27,7 @@ class Fixed(NarxIdentifier):
         recordings, for example ``"voltage(k-1)*temperature(k-2)"``, or by position as y, u (y1, y2, u1, u2, ... if
         there are several); a name in the recordings takes precedence.
     estimator : callable
-        Estimator of the parameters; see `deatwin.ident.narx.estimation`.
+        Estimator of the parameters; see `deatwin.ident.narx.estimate`.
 
     Attributes
     ----------
@@ -61,23 +62,27 @@ class Fixed(NarxIdentifier):
 
     def _regression(self, recordings: Recordings, output: int) -> Regression:
         chosen = flatten(recordings)
-        record = chosen[0]
-        written = self._of_output(output, record.output_names)
-        names = {"input_names": record.input_names, "output_names": record.output_names}
-        terms = tuple(term if isinstance(term, Term) else Term.parse(term, **names) for term in written)
-        table = TermTable(terms)
-        if len(set(terms)) != len(terms):
-            raise ModelError(f"each term only once; got {', '.join(map(str, terms))}")
+        table = self._table(chosen[0], output)
         if table.channels("e"):
             raise ModelError("Fixed takes terms without noise e(k-l); Narmax(Fixed(...)) adds a noise model")
-        for kind, signals, there in (("u", "inputs", len(record.inputs)), ("y", "outputs", len(record.outputs))):
-            if table.channels(kind) > there:
-                raise ModelError(
-                    f"the terms use {table.channels(kind)} {signals}, the recordings have {there}: "
-                    f"{', '.join(record.input_names if kind == 'u' else record.output_names) or 'none'}"
-                )
         data = Regression.on(chosen, table, output=output)
         return data.about(self.terms) if isinstance(self.terms, NarxModel) else data
+
+    def _table(self, record: Recording, output: int) -> TermTable:
+        """Return the terms of one equation, after a check that the recording has their signals."""
+        names = {"input_names": record.input_names, "output_names": record.output_names}
+        written = self._of_output(output, record.output_names)
+        terms = tuple(term if isinstance(term, Term) else Term.parse(term, **names) for term in written)
+        if len(set(terms)) != len(terms):
+            raise ModelError(f"each term only once; got {', '.join(map(str, terms))}")
+        table = TermTable(terms)
+        for kind, signals, there in (("u", "inputs", record.input_names), ("y", "outputs", record.output_names)):
+            if table.channels(kind) > len(there):
+                raise ModelError(
+                    f"the terms use {table.channels(kind)} {signals}, the recordings have {len(there)}: "
+                    f"{', '.join(there) or 'none'}"
+                )
+        return table
 
     def _of_output(self, output: int, own: Sequence[str]) -> Sequence[Term | str]:
         """Return the terms of one equation."""

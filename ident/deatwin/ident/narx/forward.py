@@ -29,7 +29,6 @@ class SelectionStep:
     candidate: int  # Position of the chosen row
     err: float  # Error reduction ratio: the share of y'y that the candidate explains
     residual: float  # Residual sum of squares, square of the output's unit
-    press: float
 
 
 def forward_selection(
@@ -37,7 +36,6 @@ def forward_selection(
 ) -> Iterator[SelectionStep]:
     """Choose rows one by one by the error reduction ratio (Chen, Billings, Luo, Int. J. Control 50 (1989) 1873-1896).
 
-    PRESS: Hong, Sharkey, Warwick, IEE Proc. Control Theory Appl. 150 (2003) 245-254, doi:10.1049/ip-cta:20030311.
     Shapes: `rows` (n_candidates, n_samples); `target` (n_samples,); `given` (n_given, n_samples).
     """
     power = float(target @ target)
@@ -47,7 +45,7 @@ def forward_selection(
     basis = np.empty((limit, target.size))
     if given is not None:
         basis[:count] = np.linalg.qr(given.T)[0].T
-    left, leverage = _orthogonal(target, basis[:count]), np.sum(basis[:count] ** 2, axis=0)
+    left = _orthogonal(target, basis[:count])
     norms, products = _renew(rows, np.arange(len(rows)), basis[:count], left)
     reference, square = norms.copy(), float(left @ left)
     free = np.ones(len(rows), dtype=bool)
@@ -64,10 +62,7 @@ def forward_selection(
         count += 1
         explained = float(direction @ left)
         left -= explained * direction
-        leverage += direction**2
-        yield SelectionStep(
-            candidate=best, err=explained**2 / power, residual=float(left @ left), press=_press(left, leverage)
-        )
+        yield SelectionStep(candidate=best, err=explained**2 / power, residual=float(left @ left))
         along = rows @ direction
         norms -= along**2
         products -= explained * along
@@ -94,10 +89,3 @@ def _orthogonal(vectors: Array, basis: Array) -> Array:
     """Return the parts of row vectors that are orthogonal to the orthonormal rows of a basis; two passes suffice."""
     once = vectors - (vectors @ basis.T) @ basis
     return np.asarray(once - (once @ basis.T) @ basis, dtype=np.float64)
-
-
-def _press(left: Array, leverage: Array) -> float:
-    """Return the sum of squared leave-one-out errors e/(1 - h) of a least-squares fit."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        errors = left / (1.0 - leverage)
-    return float(errors @ errors) if np.all(leverage < 1.0 - 1e-12) else np.inf

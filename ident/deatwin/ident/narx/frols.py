@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +14,8 @@ from deatwin.ident.narx.forward import SelectionStep, forward_selection
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
-from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 
@@ -57,16 +51,15 @@ class Frols(CandidateSearch):
 
         - "ebic", ``n ln s + k ln n + 2 ln C(p, k)`` with the number C(p, k) of models of k terms: the extended Bayesian
           criterion, which avoids false terms even among many candidates;
-        - "bic" and "aic", ``n ln s + k ln n`` and ``n ln s + 2 k``, and "aicc", aic corrected for few samples: these
-          ignore the number of candidates, and keep false terms if there are hundreds of candidates;
-        - "press": ``n ln`` of the mean squared leave-one-out error; it ignores the number of candidates too;
+        - "bic" and "aic", ``n ln s + k ln n`` and ``n ln s + 2 k``: these ignore the number of candidates, and keep
+          false terms if there are hundreds of candidates;
         - "free_run": mean squared free-run error over the held-out samples; terms are chosen on the other samples,
           parameters estimated on all;
         - "none": ``max_terms`` terms are kept.
     held_out : float
         Share of each recording, at its end, that is held out; used by "free_run" only.
     estimator : callable
-        Estimator of the chosen terms' parameters; see `deatwin.ident.narx.estimation`.
+        Estimator of the chosen terms' parameters; see `deatwin.ident.narx.estimate`.
 
     Attributes
     ----------
@@ -173,24 +166,3 @@ class Frols(CandidateSearch):
                 raise
             self.status_ = FitStatus.INTERRUPTED
         return errors * path.output_scale**2
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw on `ax` or new axes the error reduction ratio of each term, and the criterion with its choice."""
-        axes = axes_or_new(ax)
-        number = np.arange(1, len(self.path_) + 1)
-        kept = number <= len(self.terms_)
-        axes.bar(number[kept], self.path_err_[kept], color="tab:blue", label="kept")
-        axes.bar(number[~kept], self.path_err_[~kept], color="tab:gray", label="left out")
-        axes.set_yscale("log")
-        axes.set_xticks(number, [str(term) for term in self.path_], rotation=60, ha="right", fontsize="small")
-        axes.set_ylabel("error reduction ratio")
-        axes.legend(loc="upper right")
-        if self.criterion_.size:
-            other = axes.twinx()
-            other.plot(number, self.criterion_, "o-", color="tab:red", markersize=3)
-            if self.criterion == "free_run":
-                other.set_yscale("log")
-                other.set_ylabel("mean squared free-run error", color="tab:red")
-            else:
-                other.set_ylabel(self.criterion.upper(), color="tab:red")
-        return axes

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +18,9 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.output_error import with_correlated_error
 from deatwin.ident.narx.refine import at_least_error, least_error
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.single_output import single_output
-from deatwin.ident.narx.terms import Term
-from deatwin.plant.drawing import axes_or_new
+from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 
@@ -40,9 +33,9 @@ class Grow(CandidateSearch):
     """Choose the terms of a NARX model by its free-run error: grow a linear model term by term, then prune it.
 
     The start is the linear model of second order by least squares. The candidate that lowers the free-run error most,
-    to first order, is added, and all parameters are refined to the least free-run error (`extend`), until the model has
-    1.5 times as many terms as allowed. Terms are then removed one by one, always the one that raises the error least
-    (`prune`). Among all these models with at most ``max_terms`` terms, the one with the smallest free-run error on
+    to first order, is added, and all parameters are refined to the least free-run error, until the model has
+    1.5 times as many terms as allowed. Terms are then removed one by one, always the one that raises the error least.
+    Among all these models with at most ``max_terms`` terms, the one with the smallest free-run error on
     held-out samples is kept and refined on all samples.
 
     The parameters are those of an output-error model: they are unbiased if the noise is on the readings; least squares
@@ -173,22 +166,6 @@ class Grow(CandidateSearch):
         except KeyboardInterrupt:
             self.status_ = FitStatus.INTERRUPTED
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw on `ax` or new axes the free-run errors of the path over the number of terms, and the model kept."""
-        axes = axes_or_new(ax)
-        counts = np.array([len(step.terms) for step in self.path_])
-        last = int(np.argmax(counts)) + 1  # last position of the growth
-        for errors, color, label in ((self.errors_, "C0", "training"), (self.held_out_errors_, "C1", "held out")):
-            shown = np.where(np.isfinite(errors), errors, np.nan)
-            axes.semilogy(counts[:last], shown[:last], "o:", color=color, markersize=3, label=f"{label}, growing")
-            axes.semilogy(counts[last - 1 :], shown[last - 1 :], "s-", color=color, markersize=3, label=label)
-        axes.axvline(len(self.terms_), color="tab:gray", linestyle="--", label="kept")
-        unit = self.model_.output_units[0]
-        axes.set_xlabel("terms")
-        axes.set_ylabel(f"free-run error, rms ({unit})" if unit else "free-run error, rms")
-        axes.legend(loc="upper right")
-        return axes
-
 
 def _renamed(step: GrowStep, named: Mapping[Term, Term]) -> GrowStep:
     """Return a step with its terms replaced by others."""
@@ -208,3 +185,41 @@ def _refined(best: NarxModel | None, part: Regression, whole: Regression) -> Nar
     with suppress(ModelError):
         return least_error(least_error(best, part.recordings), whole.recordings)
     return None
+
+
+def single_output(data: Regression) -> Regression:
+    """Return the same regression, term by term, for a single output, which can be simulated alone."""
+    if len(data.recordings[0].outputs) == 1:
+        return data
+    n_inputs, own = len(data.recordings[0].inputs), data.output
+
+    def renamed(variable: Variable) -> Variable:
+        if variable.kind == "u":
+            return replace(variable, channel=variable.index + 1)
+        if variable.index == own:
+            return replace(variable, channel=0)
+        return replace(variable, kind="u", channel=n_inputs + 1 + variable.index - (variable.index > own))
+
+    terms = tuple(Term.product(map(renamed, term.expanded)) for term in data.table.terms)
+    regression = replace(
+        data, table=TermTable(terms), recordings=tuple(_apart(record, own) for record in data.recordings), output=0
+    )
+    if data.input_origin is None or data.output_origin is None:
+        return regression
+    others = np.delete(data.output_origin, own)
+    return replace(
+        regression,
+        input_origin=np.concatenate([data.input_origin, others]),
+        output_origin=data.output_origin[own : own + 1],
+    )
+
+
+def _apart(record: Recording, own: int) -> Recording:
+    """Return a recording of one output, with the other outputs after its inputs."""
+    return Recording.from_arrays(
+        np.concatenate([record.inputs, np.delete(record.outputs, own, axis=0)]),
+        record.outputs[own],
+        record.sample_time,
+        start=record.start,
+        provenance=record.provenance,
+    )

@@ -17,7 +17,7 @@ from deatwin.ident.narx.criteria import CRITERIA
 from deatwin.ident.narx.identifier import Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.preprocess.stationarity import correlation_samples
-from deatwin.ident.narx.refine import extend, sensitivities
+from deatwin.ident.narx.refine import extensions, sensitivities
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.residual_tests import whiteness_of
 from deatwin.plant.errors import ModelError
@@ -51,13 +51,18 @@ def grown(
     model: NarxModel, data: Regression, sections: Sequence[int], *, max_terms: int, level: float, progress: Progress
 ) -> tuple[NarxModel, ...]:
     """Refine a model and add terms by the free-run error as long as the free run over held-out sections improves."""
+    path: list[NarxModel] = []
     try:
-        path = extend(model, data.recordings, data.table.terms, max_terms=max_terms, progress=progress)
+        for larger in extensions(model, data.recordings, data.table.terms, max_terms=max_terms):
+            path.append(larger)
+            progress((len(path) - 1) / max(max_terms - len(model.terms), 1), f"{len(larger.terms)} terms")
     except ModelError:  # the free run of the given model diverges, so there is nothing to refine
         return ()
+    except KeyboardInterrupt:
+        path = path or [model]
     given = np.array([float(e @ e) for e in _by_sections(run_errors(model, data), sections)])
     errors = np.array([given, *(held_out_errors(one, data, sections) for one in path)])
-    found = path[: smallest_adequate(errors, level)]
+    found = tuple(path[: smallest_adequate(errors, level)])
     return found if found and _beyond_chance(model, found[-1], data) else ()
 
 
@@ -68,7 +73,7 @@ def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> boo
     n = max(1, int(sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)))
     squares = [float(np.mean(np.concatenate(errors) ** 2)) for errors in (old, new)]
     values = [
-        CRITERIA["ebic"](square, np.inf, n, len(one.terms), len(data.table.terms))
+        CRITERIA["ebic"](square, n, len(one.terms), len(data.table.terms))
         for square, one in zip(squares, (model, larger), strict=True)
     ]
     return values[1] < values[0]

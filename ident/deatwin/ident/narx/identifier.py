@@ -16,8 +16,7 @@ import numpy as np
 from deatwin.ident.narx.excess import excess_notes, noisy_products
 from deatwin.ident.narx.late_inputs import LAST_INPUT_LAGS, constant_inputs, last_lag, late_inputs
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.origin import about_data, about_rest
-from deatwin.ident.narx.regression import Recordings, Regression, flatten, require_no_target
+from deatwin.ident.narx.regression import Recordings, Regression, about_data, about_rest, flatten, require_no_target
 from deatwin.ident.narx.shapes import own_functions, rebuilt
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
@@ -45,14 +44,6 @@ class FitStatus(Enum):
         "valid; allow more steps, or fewer terms"
     )
     INTERRUPTED = "interrupted: the model is the best that had been found; fit again to complete the search"
-    EDGE_OF_STABILITY = (
-        "the best stable model has a pole at the edge of stability: the output integrates, or does not follow from the "
-        "input alone, because the plant is unstable or the recording was made in a loop; use Armax"
-    )
-    LOOP_SUSPECTED = (
-        "the past of the output predicts an input, so a closed loop is suspected, which biases an output-error model: "
-        "use Armax or BoxJenkins, which model the noise"
-    )
 
     @property
     def ok(self) -> bool:

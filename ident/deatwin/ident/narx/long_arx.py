@@ -44,7 +44,6 @@ class LongArx:
     n_output_lags: int  # Number of lags of the output, from lag 1 on
     a: Array  # shape (n_output_lags + 1,): Coefficients of A, from q^0 on
     b: Array  # shape (n_inputs, longest + 1): Coefficients of each B, from lag 0 on; zero before the shortest lag
-    b_std: Array  # shape (n_inputs, longest + 1): Standard deviation of each coefficient
     variance: float
     n_samples: int  # Number of residuals
 
@@ -68,18 +67,13 @@ class LongArx:
         scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
         left, singular, right = np.linalg.svd(rows / scale, full_matrices=False)
         kept = singular > 1e-10 * singular[0]
-        inverse = right[kept].T / singular[kept]
-        theta = inverse @ (left[:, kept].T @ target) / scale
+        theta = right[kept].T / singular[kept] @ (left[:, kept].T @ target) / scale
         error = target - rows @ theta
         variance = max(float(error @ error) / (target.size - rows.shape[1]), _RESOLVED**2)
-        std = np.sqrt(variance * np.sum(inverse**2, axis=1)) / scale
-
-        def by_lag(values: Array) -> Array:
-            tested = np.split(values[order + 1 :], np.cumsum(sizes)[:-1])
-            return np.array([np.pad(one[::-1], (first, 0)) for one, first in zip(tested, shortest, strict=True)])
-
+        tested = np.split(theta[order + 1 :], np.cumsum(sizes)[:-1])
+        b = np.array([np.pad(one[::-1], (first, 0)) for one, first in zip(tested, shortest, strict=True)])
         a = np.r_[1.0, -theta[1 : order + 1]]
-        return cls(signals, tuple(shortest), longest, order, a, by_lag(theta), by_lag(std), variance, target.size)
+        return cls(signals, tuple(shortest), longest, order, a, b, variance, target.size)
 
     def hides(self, which: int) -> bool:
         """Return whether an input acts although its lags are too similar for any of them to be significant alone."""

@@ -16,8 +16,7 @@ from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.document import SCHEMA, fields_of, to_document
 from deatwin.ident.narx.drive import Drive, require_suits
-from deatwin.ident.narx.free_run import free_run, innovations
-from deatwin.ident.narx.horizon import require_steps, steps_ahead
+from deatwin.ident.narx.free_run import free_run, innovations, require_steps, steps_ahead
 from deatwin.ident.narx.operating import Array, OperatingRange
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
 from deatwin.ident.narx.shown import shown_units
@@ -377,8 +376,10 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         return self.table.max_lag
 
 
-def require_model(model: object) -> None:
-    """Raise ModelError for anything but a NarxModel, such as the identifier that holds one."""
-    if not isinstance(model, NarxModel):
-        instead = "; its model_ may be" if hasattr(type(model), "fit") else ""
-        raise ModelError(f"a {type(model).__name__} is not a NarxModel{instead}")
+def require_model(model: object) -> NarxModel:
+    """Return the model; raise ModelError for anything but a NarxModel, such as the identifier that holds one."""
+    if isinstance(model, NarxModel):
+        return model
+    instead = {"fit": "; its model_ may be", "to_narx": "; to_narx() makes one of an ARX or ARMAX model"}
+    said = next((text for name, text in instead.items() if hasattr(type(model), name)), "")
+    raise ModelError(f"a {type(model).__name__} is not a NarxModel{said}")

@@ -24,7 +24,7 @@ from deatwin.plant.errors import ModelError, nearest
 
 Array = NDArray[np.float64]
 
-_KNOWN = ("ebic", "bic", "aic", "none")
+_KNOWN = (*CRITERIA, "none")
 
 
 @dataclass(eq=False, repr=False)
@@ -74,8 +74,8 @@ class Narmax(NarxIdentifier):
         Fitted identifier of the process terms.
     noise_terms_ : tuple of Term
         Noise terms, given or chosen.
-    noise_status_ : NoiseStatus
-        Outcome of the iteration over e.
+    status_ : FitStatus
+        Outcome; ``NOT_CONVERGED`` if the noise e did not settle.
     changes_ : ndarray, shape (n_iterations,)
         Relative change of e, root mean square, that the undamped step of each iteration would make.
 
@@ -153,8 +153,9 @@ class Narmax(NarxIdentifier):
                 noise = fit.noise
         except KeyboardInterrupt:
             self.status_ = FitStatus.INTERRUPTED
-        self.noise_terms_, self.noise_status_ = terms, fit.status
-        self.changes_ = np.array(fit.changes)
+        self.noise_terms_, self.changes_ = terms, np.array(fit.changes)
+        if self.status_ is FitStatus.DONE and not fit.converged:
+            self.status_ = FitStatus.NOT_CONVERGED
         found = fit.estimate
         whole = replace(process, table=TermTable(process.table.terms + terms))
         return whole.model(found.theta, found.theta_cov, found.noise_variance, identifier=self)
@@ -167,24 +168,15 @@ class Narmax(NarxIdentifier):
         if self.noise_terms is None:
             return None
         record = data.recordings[0]
-        outputs, inputs = len(record.outputs), len(record.inputs)
-        written = Fixed(terms=self.noise_terms)._of_output(data.output, record.output_names)
-        names = {"input_names": record.input_names, "output_names": record.output_names}
-        terms = tuple(term if isinstance(term, Term) else Term.parse(term, **names) for term in written)
-        own = data.output + 1 if outputs > 1 else 0
-        table = TermTable(terms)
-        for term in terms:
+        table = Fixed(terms=self.noise_terms)._table(record, data.output)
+        own = data.output + 1 if len(record.outputs) > 1 else 0
+        for term in table.terms:
             noise = [v for v, _ in term.factors if v.kind == "e"]
             if not noise or any(v.channel != own and (v.channel, own) != (1, 0) for v in noise):
                 raise ModelError(
                     f"noise term {term}: each must hold the noise e{own or ''}(k-l) of its own output, and no other"
                 )
-        if len(set(terms)) != len(terms):
-            raise ModelError(f"each noise term only once; got {', '.join(map(str, terms))}")
-        for kind, signals, there in (("u", "inputs", inputs), ("y", "outputs", outputs)):
-            if table.channels(kind) > there:
-                raise ModelError(f"the noise terms use {table.channels(kind)} {signals}, the recordings have {there}")
-        return terms
+        return table.terms
 
     def _choose(self, process: Regression, candidates: TermTable, noise: Sequence[Array]) -> tuple[Term, ...]:
         """Choose noise terms by their error reduction ratio, after the process terms."""
@@ -195,9 +187,7 @@ class Narmax(NarxIdentifier):
         count = len(steps)
         if self.criterion != "none":
             residual = target - least_squares(given, target).theta @ given
-            without = CRITERIA[self.criterion](
-                float(np.mean(residual**2)), np.inf, target.size, 0, len(candidates.terms)
-            )
+            without = CRITERIA[self.criterion](float(np.mean(residual**2)), target.size, 0, len(candidates.terms))
             values = criterion_values(self.criterion, steps, target, len(candidates.terms))
             count = int(np.argmin([without, *values]))
         return tuple(candidates.terms[step.candidate] for step in steps[:count])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +13,8 @@ from deatwin.ident.arguments import probability
 from deatwin.ident.narx.covariance import covariance_root
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import require_generator
-from deatwin.plant.drawing import panels_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 
@@ -78,14 +71,6 @@ class ThetaPosterior:
         half = quantile(level, self.model.theta_dof) * self.scale
         return np.column_stack([self.model.theta - half, self.model.theta + half])
 
-    def density(self, term: int, values: Array) -> Array:
-        """Return the density of the parameter of a `term`, by index, at `values`, in the inverse of its unit."""
-        from scipy import stats
-
-        law = stats.norm if math.isinf(self.model.theta_dof) else stats.t(self.model.theta_dof)
-        scale = self.scale[term]
-        return np.asarray(law.pdf((values - self.model.theta[term]) / scale) / scale)
-
     def sample(self, rng: np.random.Generator, n_draws: int) -> ThetaDraws:
         """Draw parameters and noise variances jointly from the posterior, `n_draws` of them by the generator `rng`."""
         require_generator(rng)
@@ -101,26 +86,6 @@ class ThetaPosterior:
             theta=model.theta + normal * np.sqrt(ratio[:, list(model.equations)]),
             noise_variance=ratio * np.atleast_1d(model.noise_variance),
         )
-
-    def plot(
-        self, axes: Sequence[Axes] | None = None, *, truth: Array | None = None, level: float = 0.95
-    ) -> list[Axes]:
-        """Draw the marginal density of each parameter.
-
-        Parameters
-        ----------
-        axes : sequence of matplotlib Axes, optional
-            Axes to draw on, one for each term; created if omitted.
-        truth : ndarray, shape (n_terms,), optional
-            True values of the parameters, in their units, drawn if given.
-        level : float
-            Probability of the interval that is marked, between 0 and 1.
-
-        Returns
-        -------
-        list of matplotlib Axes
-        """
-        return _draw_densities(self, axes, truth, level)
 
     def to_arviz(self, rng: np.random.Generator, **options: Any) -> Any:
         """Return draws as ArviZ data; needs the extra ``bayes``.
@@ -152,36 +117,6 @@ def regressors(model: NarxModel, recording: Recording) -> Array:
     noise = recording.outputs - model.predict(recording).outputs if model.table.channels("e") else None
     signals = model.about_origin(recording.inputs, recording.outputs)
     return model.table.rows(*signals, model.table.max_lag, recording.n_samples, noise)
-
-
-def _draw_densities(
-    posterior: ThetaPosterior, axes: Sequence[Axes] | None, truth: Array | None, level: float
-) -> list[Axes]:
-    """Draw the marginal density of each parameter, its central interval shaded. Shapes: `truth` (n_terms,)."""
-    model = posterior.model
-    panels = panels_or_new(axes, len(model.terms), height=1.3)
-    intervals = posterior.interval(level)
-    reach = quantile(0.9999, model.theta_dof)
-    for m, panel in enumerate(panels):
-        middle, scale = model.theta[m], posterior.scale[m]
-        ends = [middle - reach * scale, middle + reach * scale]
-        if truth is not None:
-            ends = [min(ends[0], truth[m]), max(ends[1], truth[m])]
-        values = np.linspace(ends[0], ends[1], 401)
-        density = posterior.density(m, values)
-        panel.plot(values, density, color="C0")
-        inside = (values >= intervals[m, 0]) & (values <= intervals[m, 1])
-        panel.fill_between(
-            values[inside], density[inside], color="C0", alpha=0.3, linewidth=0, label=f"{100 * level:g} %"
-        )
-        if truth is not None:
-            panel.axvline(truth[m], color="C3", linestyle="--", label="true")
-        panel.set_yticks([])
-        panel.set_ylabel(str(model.terms[m]), rotation=0, horizontalalignment="right", verticalalignment="center")
-    if panels:
-        panels[0].legend(fontsize="small")
-        panels[-1].set_xlabel("parameter")
-    return panels
 
 
 def _to_arviz(

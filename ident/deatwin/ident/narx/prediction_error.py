@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,21 +26,6 @@ _MOST_DAMPED = 1e10  # damping beyond which a step is shorter than rounding
 _HALVINGS = 30
 
 
-class NoiseStatus(Enum):
-    """How the estimation of the noise model ended. The value of each member is a message for the user."""
-
-    CONVERGED = "converged"
-    NOT_CONVERGED = (
-        "the noise did not settle: take fewer noise terms or lags, or more iterations; the estimates are the best that "
-        "were found"
-    )
-
-    @property
-    def ok(self) -> bool:
-        """True if the estimation of the noise converged."""
-        return self is NoiseStatus.CONVERGED
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NoiseFit:
     """Estimates of process and noise terms together."""
@@ -49,7 +33,7 @@ class NoiseFit:
     estimate: Estimate
     noise: tuple[Array, ...]
     changes: tuple[float, ...]
-    status: NoiseStatus  # States whether e settled
+    converged: bool  # False if e did not settle: the estimates are the best that were found
 
 
 def prediction_error_fit(
@@ -64,10 +48,10 @@ def prediction_error_fit(
     if not noise_terms:
         plain = least_squares(rows, target)
         noise = spread(process, target - plain.theta @ rows)
-        return NoiseFit(estimate=plain, noise=noise, changes=(), status=NoiseStatus.CONVERGED)
+        return NoiseFit(estimate=plain, noise=noise, changes=(), converged=True)
     errors = _PredictionErrors.of(process, TermTable(tuple(noise_terms)))
     ends = [_minimise(errors, start, tolerance, max_iterations) for start in _starts(errors)]
-    point, changes, status = min(ends, key=lambda end: end[0].square)
+    point, changes, converged = min(ends, key=lambda end: end[0].square)
     wanted = np.r_[: len(rows), len(errors.rows) : point.theta.size]
     variance = point.square / (target.size - wanted.size)
     norms, _, r = _triangle(point.slopes)
@@ -76,7 +60,7 @@ def prediction_error_fit(
         estimate=Estimate(theta=point.theta[wanted], theta_cov=variance * (root @ root.T), noise_variance=variance),
         noise=errors.spread(point.errors),
         changes=tuple(changes),
-        status=status,
+        converged=converged,
     )
 
 
@@ -165,7 +149,7 @@ def _starts(errors: _PredictionErrors) -> list[_Point]:
 
 def _minimise(
     errors: _PredictionErrors, point: _Point, tolerance: float, max_iterations: int
-) -> tuple[_Point, list[float], NoiseStatus]:
+) -> tuple[_Point, list[float], bool]:
     """Search from a point by damped Gauss-Newton steps."""
     changes: list[float] = []
     damping, step = 0.0, None
@@ -176,7 +160,7 @@ def _minimise(
             size = float(np.sqrt(point.square))
             changes.append(float(np.linalg.norm(along)) / max(size, np.finfo(float).tiny))
             if changes[-1] <= tolerance or size <= _ROUNDING * float(np.linalg.norm(errors.target)):
-                return point, changes, NoiseStatus.CONVERGED
+                return point, changes, True
         damped = np.vstack([r, np.sqrt(damping) * np.eye(len(r))])
         step = np.linalg.lstsq(damped, np.concatenate([along, np.zeros(len(r))]))[0] / norms
         further = errors.at(point.theta + step, point.errors)
@@ -187,7 +171,7 @@ def _minimise(
             damping = max(10.0 * damping, 1e-3)
             if damping > _MOST_DAMPED:
                 break
-    return point, changes, NoiseStatus.NOT_CONVERGED
+    return point, changes, False
 
 
 def _triangle(slopes: Array) -> tuple[Array, Array, Array]:

@@ -85,67 +85,11 @@ def refine(
     return _refined(found, slopes, errors, chosen, told)
 
 
-def extend(
-    model: NarxModel,
-    recordings: Recordings,
-    candidates: Iterable[Term | str],
-    *,
-    max_terms: int,
-    progress: Progress | None = None,
-) -> tuple[NarxModel, ...]:
-    """Add terms one by one, always the one that lowers the free-run error most, and refine after each.
-
-    The reduction by a candidate is computed to first order: the response of the free run to a small coefficient of the
-    candidate, orthogonalised against the sensitivities of the parameters, is projected on the free-run error. In
-    contrast, simulation-error minimisation (`Semp`) estimates parameters from the one-step error and simulates every
-    enlarged model. On Ctrl-C the path so far is returned.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Model to start from, as for `refine`; a linear model is sufficient.
-    recordings : Recording, Experiment, or several
-        Training data.
-    candidates : iterable of Term or str
-        Candidate terms, also as ``"u(k-1)^2"``; terms already in the model are skipped.
-    max_terms : int
-        Number of terms of the largest model.
-    progress : callable, optional
-        Called with the share done, between 0 and 1, and a description of the current step.
-
-    Returns
-    -------
-    tuple of NarxModel
-        Refined initial model and its successors, each one term larger; the path ends early if no candidate is left.
-
-    Raises
-    ------
-    ModelError
-        If the model has several outputs or noise terms, its free run diverges, or a term cannot be read.
-    """
-    require_model(model)
-    whole_number(max_terms, "max_terms")
-    names = {"input_names": model.input_names, "output_names": model.output_names}
-    terms = [term if isinstance(term, Term) else Term.parse(term, **names) for term in candidates]
-    larger = extensions(model, flatten(recordings), terms, max_terms=max_terms)
-    return _path(model, larger, max_terms - len(model.terms), progress)
-
-
-def _path(model: NarxModel, found: Iterator[NarxModel], steps: int, progress: Progress | None) -> tuple[NarxModel, ...]:
-    """Collect models until an interrupt; the model alone if it comes before the first of them."""
-    path: list[NarxModel] = []
-    with suppress(KeyboardInterrupt):
-        for each in found:
-            path.append(each)
-            if progress is not None and len(path) > 1:
-                progress((len(path) - 1) / max(steps, 1), f"{len(each.terms)} terms")
-    return tuple(path) or (model,)
-
-
 def extensions(
     model: NarxModel, recordings: tuple[Recording, ...], candidates: Iterable[Term], *, max_terms: int
 ) -> Iterator[NarxModel]:
-    """Yield the models of `extend` as they are found; an interrupt reaches the caller."""
+    """Yield the refined model and its successors, each larger by the term that to first order lowers the free-run error
+    most: the run's response to it, orthogonal to the sensitivities, projected on the error."""
     left = [term for term in candidates if term not in model.terms]
     larger = least_error(model, recordings)
     yield larger
@@ -158,44 +102,9 @@ def extensions(
         yield larger
 
 
-def prune(
-    model: NarxModel, recordings: Recordings, *, n_terms: int, progress: Progress | None = None
-) -> tuple[NarxModel, ...]:
-    """Remove terms one by one, always the one that raises the free-run error least, and refine after each.
-
-    The increase of the error is computed to first order, as the square of the parameter over its variance. Adding more
-    terms than wanted and pruning them finds structures that adding alone misses.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Model to start from, as for `refine`.
-    recordings : Recording, Experiment, or several
-        Training data.
-    n_terms : int
-        Number of terms of the smallest model, at least 1.
-    progress : callable, optional
-        Called with the share done, between 0 and 1, and a description of the current step.
-
-    Returns
-    -------
-    tuple of NarxModel
-        Refined initial model and its successors, each one term smaller; the path ends early if the free run diverges
-        whichever further term is removed.
-
-    Raises
-    ------
-    ModelError
-        If the model has several outputs or noise terms, or its free run diverges.
-    """
-    require_model(model)
-    whole_number(n_terms, "n_terms")
-    smaller = prunings(model, flatten(recordings), n_terms=n_terms)
-    return _path(model, smaller, len(model.terms) - n_terms, progress)
-
-
 def prunings(model: NarxModel, recordings: tuple[Recording, ...], *, n_terms: int) -> Iterator[NarxModel]:
-    """Yield the models of `prune` as they are found; an interrupt reaches the caller."""
+    """Yield the refined model and its successors, each without the term that to first order raises the free-run error least,
+    the square of its parameter over its variance, until none can be removed; an interrupt reaches the caller."""
     smaller: NarxModel | None = least_error(model, recordings)
     while smaller is not None:
         yield smaller
@@ -256,7 +165,7 @@ def _with_term(model: NarxModel, term: Term) -> NarxModel:
 def sensitivities(model: NarxModel, recording: Recording) -> Array:
     """Derivatives of a free run by parameters, (n - first, n_terms): s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the
     slopes a_l of f by y(k-l), as one banded triangular system."""
-    _require_simple(model)
+    require_model(model).require_one_output("a refinement")
     return _responses(model, recording, _run(model, recording), model.table)
 
 
@@ -293,12 +202,6 @@ def _derivative(model: NarxModel, variable: Variable) -> tuple[tuple[Term, ...],
             factors.remove(variable)
             terms.append(Term.product(factors))
     return tuple(terms), np.array(weights)
-
-
-def _require_simple(model: NarxModel) -> None:
-    require_model(model)
-    if len(model.output_names) != 1 or any(v.kind == "e" for v in model.table.variables):
-        raise ModelError("only the free run of a model of one output and without noise terms can be refined")
 
 
 def _run(model: NarxModel, recording: Recording) -> Array:
@@ -346,7 +249,7 @@ class _Search:
     def __init__(
         self, model: NarxModel, recordings: tuple[Recording, ...], max_steps: int, progress: Progress | None
     ) -> None:
-        _require_simple(model)
+        require_model(model).require_one_output("a refinement")
         for recording in recordings:
             _run(model, recording)
         self.model, self.recordings = model, recordings

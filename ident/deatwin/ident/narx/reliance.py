@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from deatwin.ident.narx.drive import require_suits
+from deatwin.ident.narx.excited import number_of
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import flatten
 from deatwin.ident.narx.validate import Validation, ValidationStatus, validate
@@ -158,8 +159,8 @@ class Reliance:
             failed=failed,
             gain_error=error,
             gain_error_half_width=width,
-            samples_per_parameter=_number(provenance, SCARCITY_KEY),
-            fit=_number(provenance, FIT_KEY),
+            samples_per_parameter=number_of(provenance, SCARCITY_KEY),
+            fit=number_of(provenance, FIT_KEY),
         )
 
 
@@ -203,25 +204,12 @@ def samples_per_parameter(model: NarxModel) -> float | None:
     """Return training samples per effective parameter, None if unknown. One of the best k of M terms may count as 2
     ln(M/k) parameters, because it was chosen (Foster, George, Ann. Statist. 22 (1994) 1947-1975,
     doi:10.1214/aos/1176325766)."""
-    samples, candidates = (_number(model.provenance, key) for key in ("samples", "candidates"))
+    samples, candidates = (number_of(model.provenance, key) for key in ("samples", "candidates"))
     if samples is None or not model.terms:
         return None
     terms = len(model.terms)
     candidates = max(candidates or 0.0, terms)
     return samples / (terms * max(1.0, 2.0 * math.log(candidates / terms)))
-
-
-def _number(provenance: Mapping[str, str], key: str) -> float | None:
-    """Read a number; None if it is absent."""
-    if (written := provenance.get(key)) is None:
-        return None
-    try:
-        value = float(written)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ModelError(f"the model's provenance has {key} = {written!r}: it must be a number")
-    return value
 
 
 def _numbers(written: str | None) -> tuple[float | None, float | None]:

@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.excited import number_of
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.errors import ModelError
@@ -91,38 +92,12 @@ class Residual:
 
     @classmethod
     def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
-        """Read the residual from a model's provenance; None if there is none.
-
-        Parameters
-        ----------
-        provenance : mapping of str to str
-            Provenance of the model.
-
-        Returns
-        -------
-        Residual or None
-
-        Raises
-        ------
-        ModelError
-            If an entry is not a number.
-        DivergedError
-            If the provenance states that the model's free run diverged.
-        """
+        """Read the residual from a model's `provenance`, or None; ModelError if an entry is no such number, and
+        DivergedError if it states that the model's free run diverged."""
         if DIVERGED.items() <= provenance.items():
             raise DivergedError("the model's free run fails on the recording from which it was identified: it diverged")
-        if RMS_KEY not in provenance or TIME_KEY not in provenance:
-            return None
-        try:
-            rms, time = float(provenance[RMS_KEY]), float(provenance[TIME_KEY])
-        except ValueError:
-            rms, time = -1.0, -1.0
-        if not (0.0 <= rms < np.inf and 0.0 < time < np.inf):
-            raise ModelError(
-                f"the model's provenance has {RMS_KEY} = {provenance[RMS_KEY]!r} and {TIME_KEY} = "
-                f"{provenance[TIME_KEY]!r}: they must be positive numbers"
-            )
-        return cls(rms=rms, correlation_time=time)
+        rms, time = number_of(provenance, RMS_KEY), number_of(provenance, TIME_KEY)
+        return None if rms is None or time is None else cls(rms=rms, correlation_time=time)
 
 
 def free_run_residual(model: NarxModel, recording: Recording) -> Residual:

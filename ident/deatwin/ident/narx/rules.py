@@ -15,18 +15,16 @@ from dataclasses import dataclass
 from deatwin.ident.narx.terms import Term
 
 
-def _degree(term: Term, kind: str) -> int:
-    return sum(power for variable, power in term.factors if variable.kind == kind)
-
-
 @dataclass(frozen=True, kw_only=True)
 class AtMost:
     """Bounds the degree in each kind of signal; ``AtMost(output=1)`` keeps models that are affine in the output."""
 
     output: int | None = None
     input: int | None = None
-    noise: int | None = None
 
     def __call__(self, term: Term) -> bool:
-        bounds = (("y", self.output), ("u", self.input), ("e", self.noise))
-        return all(bound is None or _degree(term, kind) <= bound for kind, bound in bounds)
+        bounds = (("y", self.output), ("u", self.input))
+        return all(
+            bound is None or sum(power for v, power in term.factors if v.kind == kind) <= bound
+            for kind, bound in bounds
+        )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +15,8 @@ from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.semp_search import SempSearch, SempStep
-from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 
@@ -62,7 +56,7 @@ class Semp(CandidateSearch):
 
     Least squares and the F test are valid for white one-step errors. If these are not white, for example because of
     noise on the readings, the model is extended (single output only, and not with ``max_exchanges=0``): its parameters
-    are refined to the smallest free-run error, and terms are added by that error up to ``max_terms`` (`extend`). Of the
+    are refined to the smallest free-run error, and terms are added by that error up to ``max_terms``. Of the
     models on this path, the first one is chosen for which neither it nor any later model is significantly worse than
     the best on held-out sections.
 
@@ -169,25 +163,6 @@ class Semp(CandidateSearch):
                 raise
 
         return grown(model, data, sections.tolist(), max_terms=self.max_terms, level=self.level, progress=tell)
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw on `ax` or new axes the simulation error reduction ratio of each step, and the threshold.
-
-        A step that made the simulation error larger, as the tests allow within its uncertainty, has no point.
-        """
-        axes = axes_or_new(ax)
-        steps = np.arange(1, len(self.path_) + 1)
-        axes.semilogy(steps, np.where(self.srr_ > 0, self.srr_, np.nan), "o-", label="SRR")
-        if self.threshold is not None:
-            axes.axhline(self.threshold, color="tab:red", linestyle="--", label="threshold")
-        labels = [
-            "\n".join([*(f"+ {term}" for term in step.added), *(f"− {term}" for term in step.pruned)])
-            for step in self.path_
-        ]
-        axes.set_xticks(steps, labels, rotation=60, ha="right", fontsize="small")
-        axes.set_ylabel("simulation error reduction ratio")
-        axes.legend(loc="upper right")
-        return axes
 
 
 def _grown_step(before: NarxModel, after: NarxModel, data: Regression) -> SempStep:

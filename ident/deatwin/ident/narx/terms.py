@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import whole_number
-from deatwin.ident.narx.lags import ChannelLags, channel_lags, lag_list
 from deatwin.ident.narx.lags import Lags as Lags
+from deatwin.ident.narx.lags import channel_lags
 from deatwin.ident.narx.names import SignalNames
 from deatwin.ident.narx.variables import Variable as Variable
 from deatwin.ident.narx.variables import read_factor, value_of
@@ -101,7 +101,6 @@ def generate_terms(
     input_lags: Lags,
     degree: int,
     *,
-    noise_lags: ChannelLags = 0,
     n_inputs: int = 1,
     n_outputs: int = 1,
     functions: Sequence[Variable] = (),
@@ -116,8 +115,6 @@ def generate_terms(
         channel; for each channel separately, give them as ``[[1, 2], [4, 5]]`` or as ``{"u1": [1, 2], "u2": [4, 5]}``.
     degree : int
         Largest degree of a term, at least 1.
-    noise_lags : int or sequence of int
-        Lags of the noise of every output, in samples, as above; none by default.
     n_inputs, n_outputs : int
         Number of channels; a single channel is written without a number.
     functions : sequence of Variable
@@ -149,7 +146,6 @@ def generate_terms(
     for kind, count, lags in (
         ("y", n_outputs, channel_lags(output_lags, "y", n_outputs)),
         ("u", n_inputs, channel_lags(input_lags, "u", n_inputs)),
-        ("e", n_outputs, (lag_list(noise_lags, smallest=1),) * n_outputs),
     ):
         numbers = range(1, count + 1) if count > 1 else (0,) * count
         variables += [Variable(kind, n, lag) for n, own in zip(numbers, lags, strict=True) for lag in own]

@@ -9,9 +9,9 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.fit import Fit
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.recorded_pole import RecordedPole, recorded_pole
+from deatwin.ident.narx.response import Fit
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, whole_number
-from deatwin.ident.narx.fit import Fit, gain_error
 from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.residual_tests import CorrelationTest, Whiteness, correlation_tests, whiteness_of
+from deatwin.ident.narx.response import Fit, gain_error
 from deatwin.ident.narx.unstable import Unstable, recorded_once, stable_model_of_unstable, unstable_model
 from deatwin.plant.datasets import (
     Described,

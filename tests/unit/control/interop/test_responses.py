@@ -8,9 +8,8 @@ from made_models import linear_model
 from deatwin.control.interop.responses import linear_frd, to_frd
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.narx import linearise
-from deatwin.ident.frequency import frf, gfrf
+from deatwin.ident.frequency import gfrf
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.linear import Arx
 from deatwin.plant import ModelError
 
 H = 0.02
@@ -46,13 +45,6 @@ def test_both_ways_have_the_same_covariance(model):
     scale = np.trace(response.covariance, axis1=1, axis2=2)[:, None, None]
     assert np.abs((from_coefficients.covariance - from_model.covariance) / scale).max() < 1e-6
     np.testing.assert_allclose(from_coefficients.gain_deviation, response.gain_deviation, rtol=1e-6)
-
-
-def test_the_response_of_an_arx_model_comes_over(recording):
-    model = Arx(na=2, nb=2, nk=1).fit(recording).model_
-    response = frf(model, OMEGA)
-    np.testing.assert_array_equal(to_frd(response).values, response.values)
-    np.testing.assert_array_equal(to_frd(response).covariance, response.covariance)
 
 
 def test_frequencies_are_put_in_order(uncertain):

@@ -133,7 +133,7 @@ def test_coefficients_that_overflow_are_refused(term, size):
 def test_a_linear_model_is_sent_elsewhere():
     model = LinearModel(a=[1.0, -0.5], b=[[0.0, 1.0]], sample_time=1.0)
     for function in (equilibrium, remove_dc):
-        with pytest.raises(ModelError, match="a LinearModel is not a NarxModel; frf"):
+        with pytest.raises(ModelError, match="a LinearModel is not a NarxModel; to_narx"):
             function(model)
 
 

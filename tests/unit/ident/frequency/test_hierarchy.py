@@ -7,7 +7,7 @@ import pytest
 
 from deatwin.ident.frequency import frequency_grid, gfrf
 from deatwin.ident.frequency.hierarchy import products_of, solve_parts
-from deatwin.ident.frequency.parts import Orders, Tones, TonesInOrder
+from deatwin.ident.frequency.parts import Orders, Tones
 from deatwin.ident.narx import NarxModel, Term
 from deatwin.plant.errors import ModelError
 
@@ -16,7 +16,6 @@ MODEL = NarxModel.from_terms(TERMS, sample_time=1.0)
 ANGLES = np.random.default_rng(0).uniform(-3, 3, (5, 3))
 PARTS = {
     "sets": (lambda: Tones(ANGLES), 7),
-    "runs": (lambda: TonesInOrder(ANGLES), 7),
     "orders": (lambda: Orders(np.random.default_rng(1).normal(size=12), 3), 3),
 }
 
@@ -49,13 +48,10 @@ def test_parts_that_are_zero_are_missing():
     assert set(solve_parts(square.terms, square.theta, Orders(np.ones(4), 5), by_theta=False)) == {2}
 
 
-def test_splits_of_a_set_are_all_and_those_of_a_run_are_its_cuts():
+def test_splits_of_a_set_are_all():
     tones = Tones(np.zeros((1, 4)))
     pairs = list(tones.splits(0b1101))
     assert len(set(pairs)) == 2**3 - 2 and all(a | b == 0b1101 and a & b == 0 for a, b in pairs)
-    runs = TonesInOrder(np.zeros((1, 4)))
-    assert list(runs.splits(0b1110)) == [(0b0010, 0b1100), (0b0110, 0b1000)]
-    assert sorted(runs.order) == [0b0001, 0b0010, 0b0011, 0b0100, 0b0110, 0b0111, 0b1000, 0b1100, 0b1110, 0b1111]
 
 
 def test_the_same_signal_written_twice_counts_twice():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.linear import LinearModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -14,7 +13,6 @@ MODEL = NarxModel.from_terms(
     input_names=("u", "w"),
     input_units=("", ""),
 )
-LINEAR = LinearModel(a=[1, -0.9, 0.3], b=[[0, 0, 0, 0.5]], f=[[1, -0.5]], offset=0.1, sample_time=0.5)
 
 
 def by_hand(inputs, start, first):
@@ -84,20 +82,3 @@ def test_several_outputs_and_one_input():
 def test_what_cannot_drive_a_run_is_refused_with_what_could(inputs, change, initial, says):
     with pytest.raises(ModelError, match=says):
         MODEL.simulate(change(inputs), initial=initial)
-
-
-def test_a_linear_model_runs_from_given_outputs_as_from_recorded_ones(inputs):
-    u = inputs[0]
-    recorded = Recording.from_arrays(u, np.random.default_rng(4).normal(size=60), 0.5)
-    lag = LINEAR.orders.input_lag
-    for warmup in (3, 8):
-        wanted = LINEAR.simulate(recorded, warmup=warmup)
-        run = LINEAR.simulate(u, initial=recorded.outputs[0, : lag + warmup])
-        assert run.first == wanted.first == lag + warmup
-        assert np.allclose(run.outputs, wanted.outputs, rtol=1e-9, atol=1e-12)
-    rest = LINEAR.simulate(u).outputs[0]
-    assert not rest[: lag + 3].any() and rest[lag + 3 :].all()
-    with pytest.raises(ModelError, match="the model needs at least 3"):
-        LINEAR.simulate(u, initial=[1.0, 2.0])
-    with pytest.raises(ModelError, match="warmup counts recorded outputs"):
-        LINEAR.simulate(u, warmup=3)

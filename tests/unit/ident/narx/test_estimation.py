@@ -8,8 +8,7 @@ from scipy.integrate import quad
 from scipy.stats import gamma, multivariate_normal
 
 from deatwin.ident.narx.bayes import Priors
-from deatwin.ident.narx.estimate import LeastSquares, least_squares
-from deatwin.ident.narx.estimation import TotalLeastSquares
+from deatwin.ident.narx.estimate import LeastSquares, TotalLeastSquares, least_squares
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.shrinkage import Bayesian, Ridge
 from deatwin.plant.errors import ModelError

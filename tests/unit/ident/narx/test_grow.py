@@ -165,13 +165,6 @@ def test_an_interrupt_within_a_refinement_ends_the_search(monkeypatch):
     assert grow.status_ is FitStatus.INTERRUPTED and len(runs) < 230
 
 
-def test_its_plot_shows_the_path():
-    grow = Grow(degree=3, max_terms=6).fit(record(0))
-    axes = grow.plot()
-    assert {label.get_text() for label in axes.get_legend().get_texts()} >= {"training", "held out", "kept"}
-    assert axes.get_xlabel() == "terms"
-
-
 def test_the_autocovariance_of_an_autoregressive_process_is_found():
     """AR(2) by its own law: g(k) = a1 g(k-1) + a2 g(k-2), g(1) = a1 g(0) / (1 - a2)."""
     from scipy.signal import lfilter

@@ -7,7 +7,7 @@ from scipy.signal import butter, decimate, lfilter
 from deatwin.ident.narx import Frols, Lasso, Semp, SvbNarx
 from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.levels import few_levels, without_repeated_powers
-from deatwin.ident.narx.preprocess import FindingKind, choose_orders, inspect_recordings
+from deatwin.ident.narx.preprocess import FindingKind, inspect_recordings
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term, generate_terms
 from deatwin.plant.recording import Recording
@@ -139,12 +139,3 @@ def test_the_findings_name_inputs_of_few_levels():
     three = steps((0.0, 1.0, 3.0))
     kinds = {degree: {f.kind for f in inspect_recordings(three, degree=degree)} for degree in (2, 3)}
     assert FindingKind.FEW_LEVELS in kinds[3] and FindingKind.FEW_LEVELS not in kinds[2]
-
-
-def test_choose_orders_says_so():
-    recording = steps((0.0, 1.0), noise=1e-3)
-    halves = recording.section(0, 750), recording.section(750, 1500)
-    choice = choose_orders(Frols(), *halves, output_lags=[1], degrees=(1, 2))
-    assert len(choice.remarks) == 1 and str(choice).endswith(choice.remarks[0])
-    assert "no curvature" in choice.remarks[0]
-    assert choose_orders(Frols(), *halves, output_lags=[1], degrees=(1,)).remarks == ()

@@ -5,10 +5,9 @@ import pytest
 from scipy.signal import lfilter
 from slopes import differences
 
-from deatwin.ident.frequency import frf
 from deatwin.ident.narx import FitStatus, NarxModel
 from deatwin.ident.narx.linear import Armax, Arx, BoxJenkins, Orders, OutputError
-from deatwin.ident.narx.linear import search as search_module
+from deatwin.ident.narx.linear import prediction as search_module
 from deatwin.ident.narx.linear.polynomials import is_stable, reflected
 from deatwin.ident.narx.linear.prediction import prediction_errors
 from deatwin.plant.errors import ModelError
@@ -98,7 +97,7 @@ def test_without_noise_the_plant_is_exact_even_from_a_state_that_is_not_rest(est
     shift = np.exp(-0.1j * omega)
     exact = (shift + 0.5 * shift**2) / (1 - 1.5 * shift + 0.7 * shift**2)
     # the floor is rounding, 2e-16, on a resonance of gain 9 and errors that end at 1e-10 of the output
-    np.testing.assert_allclose(frf(model, omega).values, exact, rtol=1e-7)
+    np.testing.assert_allclose(model.to_control()(np.exp(0.1j * omega)), exact, rtol=1e-7)
     run = model.simulate(recordings[1])
     assert np.abs(run.residuals).max() < 1e-6 and run.first == 2 + 20
 

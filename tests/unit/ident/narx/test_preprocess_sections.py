@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import kendalltau
 
-from deatwin.ident.narx.preprocess import SectionStatus, choose_sections, stationarity_tests
+from deatwin.ident.narx.preprocess import SectionStatus, choose_sections
 from deatwin.ident.narx.preprocess.stationarity import (
     SegmentMeans,
     correlation_samples,
@@ -69,7 +69,7 @@ def test_stationary_records_fail_as_seldom_as_said(pole):
     runs = 150
     failed = 0
     for _ in range(runs):
-        tests = stationarity_tests(record(rng, pole=pole))
+        tests = choose_sections(record(rng, pole=pole)).tests[0]
         assert len(tests) == 2 * 3 * 3
         failed += len(tests) * min(test.p_value for test in tests) < 0.05
     assert 0 < failed / runs < 0.05 + 3 * np.sqrt(0.05 * 0.95 / runs)
@@ -143,7 +143,7 @@ def test_errors_are_clear():
     with pytest.raises(DataError, match="level"):
         choose_sections(record(rng), level=1.0)
     with pytest.raises(DataError, match="constant"):
-        stationarity_tests(Recording.from_arrays(np.ones(400), np.ones(400), 1.0))
+        choose_sections(Recording.from_arrays(np.ones(400), np.ones(400), 1.0))
 
 
 def test_plot_marks_both_sections():

@@ -9,7 +9,7 @@ from stopping import StopAt
 
 from deatwin.ident.narx import NarxModel, generate_terms
 from deatwin.ident.narx.linear import OutputError
-from deatwin.ident.narx.refine import extend, prune, refine, sensitivities
+from deatwin.ident.narx.refine import extensions, prunings, refine, sensitivities
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -107,7 +107,7 @@ def test_terms_are_added_until_the_structure_is_whole(seed: int) -> None:
     # The two terms that are missing explain most of what is left; each first gain is hundreds of noise variances.
     recording = measured(np.random.default_rng(seed), 2000, 0.05)
     start = NarxModel.from_terms({"y(k-1)": 1.0, "y(k-2)": -0.4, "u(k-1)": 0.6}, sample_time=0.1)
-    path = extend(start, recording, generate_terms(2, 2, 3), max_terms=5)
+    path = list(extensions(start, (recording,), generate_terms(2, 2, 3), max_terms=5))
     assert [len(model.terms) for model in path] == [3, 4, 5]
     assert set(path[-1].terms) == {Term.parse(text) for text in TRUE}
     errors = [model.simulate(recording).rms_error for model in path]
@@ -120,7 +120,7 @@ def test_false_terms_are_pruned(seed: int) -> None:
     # Among ten candidates the five true ones stand hundreds of noise variances above the false.
     recording = measured(np.random.default_rng(seed), 2000, 0.05)
     more = plant(**{"1": 0.0, "y(k-1)^2": 0.0, "u(k-2)": 0.0, "y(k-1)u(k-1)^2": 0.0, "y(k-2)^3": 0.0})
-    path = prune(more, recording, n_terms=5)
+    path = list(prunings(more, (recording,), n_terms=5))
     assert [len(model.terms) for model in path] == [10, 9, 8, 7, 6, 5]
     assert set(path[-1].terms) == {Term.parse(text) for text in TRUE}
     errors = [model.simulate(recording).rms_error for model in path]
@@ -132,8 +132,7 @@ def test_terms_that_the_run_needs_stay() -> None:
     rng = np.random.default_rng(8)
     resonant = NarxModel.from_terms({"y(k-1)": 1.4, "y(k-2)": -0.8, "u(k-1)": 0.5}, sample_time=0.1)
     recording = measured(rng, 500, 0.01, resonant)
-    path = prune(resonant, recording, n_terms=1)
-    assert all(model.simulate(recording).status.ok for model in path)
+    assert all(model.simulate(recording).status.ok for model in prunings(resonant, (recording,), n_terms=1))
 
 
 def test_a_term_that_follows_from_the_others_is_not_added() -> None:
@@ -141,7 +140,7 @@ def test_a_term_that_follows_from_the_others_is_not_added() -> None:
     u = rng.choice([-1.0, 1.0], 300)  # its square is the constant
     recording = Recording.from_arrays(u, np.convolve(u, [0, 0.5, 0.2])[:300] + 0.3, 0.1)
     start = NarxModel.from_terms({"1": 0.2, "u(k-1)": 0.4}, sample_time=0.1)
-    path = extend(start, recording, [Term.parse(t) for t in ("u(k-1)^2", "u(k-2)")], max_terms=4)
+    path = list(extensions(start, (recording,), [Term.parse(t) for t in ("u(k-1)^2", "u(k-2)")], max_terms=4))
     assert [str(term) for term in path[-1].terms] == ["1", "u(k-1)", "u(k-2)"]
 
 
@@ -168,8 +167,8 @@ def test_the_search_does_not_depend_on_units(units):
     np.testing.assert_allclose(scaled.theta / scales, found.theta, rtol=1e-5)
     candidates = generate_terms(2, 2, 2)
     for one, other in zip(
-        extend(found, Recording.from_arrays(u, y, 1.0), candidates, max_terms=6),
-        extend(scaled, Recording.from_arrays(units[0] * u, units[1] * y, 1.0), candidates, max_terms=6),
+        extensions(found, (Recording.from_arrays(u, y, 1.0),), candidates, max_terms=6),
+        extensions(scaled, (Recording.from_arrays(units[0] * u, units[1] * y, 1.0),), candidates, max_terms=6),
         strict=True,
     ):
         assert one.terms == other.terms

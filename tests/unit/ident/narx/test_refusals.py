@@ -15,13 +15,10 @@ from deatwin.ident.narx import (
     Rls,
     Semp,
     SvbNarx,
-    Term,
     ThetaSmoother,
     excitation,
-    extend,
     free_run_band,
     hold_out,
-    prune,
     refine,
     robust,
     validate,
@@ -195,8 +192,6 @@ def test_an_estimator_says_where_to_find_what_its_model_has():
         (lambda: validate(_model(), RECORD, level="a"), "level must be real numbers; got text"),
         (lambda: refine(_model(), RECORD, max_steps=2.5), "max_steps = 2.5; it must be an integer of at least 1"),
         (lambda: refine(_model(), RECORD, tolerance=0.0), "tolerance = 0.0; it must be positive"),
-        (lambda: extend(_model(), RECORD, ["u(k-2)"], max_terms=2.5), "max_terms = 2.5; it must be an integer"),
-        (lambda: prune(_model(), RECORD, n_terms=-1), "n_terms = -1; it must be an integer of at least 1"),
         (
             lambda: free_run_band(_model(), RECORD, np.random.default_rng(0), n_draws=1e3),
             "n_draws = 1000.0; it must be",
@@ -210,9 +205,3 @@ def test_an_estimator_says_where_to_find_what_its_model_has():
 def test_functions_say_what_they_take(use, says):
     with pytest.raises((ModelError, DataError), match=says):
         use()
-
-
-def test_terms_that_extend_a_model_may_be_written():
-    model = Fixed(terms=["y(k-1)", "u(k-1)"]).fit(RECORD).model_
-    written, made = (extend(model, RECORD, [one], max_terms=3) for one in ("u(k-2)", Term.parse("u(k-2)")))
-    assert [step.theta.tolist() for step in written] == [step.theta.tolist() for step in made]

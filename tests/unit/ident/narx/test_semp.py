@@ -180,14 +180,6 @@ def test_an_interrupt_keeps_the_best_so_far():
     assert [share for share, _ in stop.told] == [pytest.approx(1 / 15), pytest.approx(2 / 15), 1.0]
 
 
-def test_draws_the_reduction_ratios_and_the_threshold():
-    semp = Semp(output_lags=2, input_lags=2, degree=3, threshold=1e-3).fit(draw("S4", 0))
-    axes = semp.plot()
-    np.testing.assert_array_equal(axes.lines[0].get_ydata(), semp.srr_)
-    np.testing.assert_array_equal(axes.lines[1].get_ydata(), [1e-3, 1e-3])
-    assert axes.get_xticklabels()[0].get_text() == f"+ {semp.path_[0].added[0]}"
-
-
 def test_the_final_model_is_never_far_worse_than_the_best_of_the_path(monkeypatch):
     """Steps with errors made up: the last within twice the least is taken, whatever came after it."""
     errors = {"y(k-1)": 4.0, "u(k-1)": 1.0, "y(k-1)u(k-1)": 1.9, "u(k-1)^2": 2.1}

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.ident.arguments import probability, real_number
-from deatwin.ident.frequency.checks import narx_model
 from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means, whole_orders
 from deatwin.ident.frequency.comparison.equality import Equality, equality, holm
 from deatwin.ident.frequency.linear import operating_input_of
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.errors import ModelError
 
@@ -254,7 +253,7 @@ def compare(
     ModelError
         If the models cannot be compared or have no covariance, or for the reasons given in `band_means`.
     """
-    _require_alike(narx_model(first), narx_model(second))
+    _require_alike(require_model(first), require_model(second))
     if not real_number(least, "least") >= 0:
         raise ModelError(f"least = {least}; it must be a share of at least 0")
     where = operating_input

@@ -15,22 +15,27 @@ from deatwin.ident.frequency.checks import polynomial_model, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import input_row, require_one_input, unit_of
 from deatwin.ident.frequency.many import Evaluated
-from deatwin.ident.frequency.output_responses.levels import LevelFit, chebyshev_levels, checked_levels, fit_orders
+from deatwin.ident.frequency.output_responses.levels import LevelFit, chebyshev_levels, fit_orders
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum, product_spectrum
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
-from deatwin.ident.frequency.output_responses.steady import steady_state
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import cross_order, one_period, output_orders, spectrum_of
+from deatwin.ident.narx.free_run import free_run
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.response import divergence_limit
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _MORE = 4  # orders beyond the requested one that may be fitted
-_HIGHEST = 20  # most orders that can be fitted: with two more, Chebyshev levels reach the condition number below
-_CONDITION = 1e8  # condition number beyond which half of the digits are lost
+_HIGHEST = 20  # most orders that can be fitted: with two more, the powers of the levels reach a condition number of 1e8
 TRUNCATION = 0.01  # accepted truncation error of an order of the output, as a share of its rms over the lines
+
+
+_RUN = 4096  # least samples of one run: a call costs as much as hundreds of samples
+_PATIENCE = 1_000_000  # most samples of a simulation, or 100 periods if these are longer
+_SMALL = 1e-11  # relative change of the output below which a change that no longer decreases is rounding
 
 
 def nofrf(
@@ -38,16 +43,15 @@ def nofrf(
     excitation: ArrayLike,
     order: int,
     *,
-    levels: ArrayLike | None = None,
     highest: int | None = None,
     operating_input: ArrayLike | None = None,
 ) -> Nofrf:
     """Estimate nonlinear output frequency responses by least squares over levels of an excitation.
 
     The output's spectrum in the steady state is Y = G_1 U_1 + G_2 U_2 + ..., where G_n is the response of order n and
-    U_n is the spectrum of the input's n-th power. The model is simulated at several levels of the excitation, and at
-    each line the orders are separated by their growth with the level. An order n is fitted only at lines that are sums
-    of n input frequencies.
+    U_n is the spectrum of the input's n-th power. The model is simulated at twice as many levels of the excitation as
+    orders, Chebyshev nodes of both signs, and at each line the orders are separated by their growth with the level. An
+    order n is fitted only at lines that are sums of n input frequencies.
 
     Parameters
     ----------
@@ -58,9 +62,6 @@ def nofrf(
         unit; see `design_excitation`.
     order : int
         Desired order n, from 1 to 20.
-    levels : array_like, shape (n_levels,), optional
-        Factors of the excitation; by default Chebyshev nodes of both signs, twice as many as orders. The error caused
-        by orders that were not fitted can only be estimated with at least two more levels than orders.
     highest : int, optional
         Number of orders to fit, up to 20. By default the smallest number, from ``order`` to ``order`` + 4, whose
         prediction error at left-out levels is at most twice the smallest of these errors.
@@ -75,8 +76,8 @@ def nofrf(
     Raises
     ------
     ModelError
-        If order, levels or excitation are not as described, there are fewer levels than orders (levels at which the
-        model diverges do not count), or the model has several inputs or no equilibrium.
+        If order or excitation are not as described, the model diverges at so many levels that fewer remain than there
+        are orders, or the model has several inputs or no equilibrium.
 
     References
     ----------
@@ -85,13 +86,11 @@ def nofrf(
     """
     order = whole_order(order)
     wanted = _wanted_orders(order, highest)
-    require_one_input(model, "nofrf_of_inputs or nofrf_exact")
+    require_one_input(model, "nofrf_exact")
     period = one_period(excitation, model.sample_time)
-    factors = chebyshev_levels(2 * max(wanted[-1], 2)) if levels is None else checked_levels(levels)
-    if factors.size < wanted[0]:
-        raise ModelError(f"{factors.size} level(s) cannot separate {wanted[0]} orders; give at least {wanted[0]}")
     powers = _powers(model, period, wanted[-1] + 2)
-    runs = _run(deviations(model, operating_input), period, factors, wanted[0])
+    levels = chebyshev_levels(2 * max(wanted[-1], 2))
+    runs = _run(deviations(model, operating_input), period, levels, wanted[0])
     fit = fit_orders(runs.levels, runs.spectra, [u.in_range for u in powers], wanted)
     exact = output_orders(model, period, len(fit.orders), operating_input=operating_input)
     found = _judged(_result(model, order, exact, powers[: len(exact)], runs, fit), runs.settled)
@@ -259,10 +258,8 @@ def _judged(found: Nofrf, settled: bool) -> Nofrf:
         NofrfStatus.UNSTABLE: not found.response.status.ok,
         NofrfStatus.DIVERGED: found.lost_levels.size > 0,
         NofrfStatus.NOT_SETTLED: not settled,
-        NofrfStatus.ILL_CONDITIONED: found.condition > _CONDITION,
         NofrfStatus.ERRATIC_EXCITATION: not all(u.suitable for u in found.inputs[: found.order]),
         NofrfStatus.TRUNCATED: found.advisable_level < 1.0,
-        NofrfStatus.UNVERIFIED: np.isnan(found.advisable_level),
     }
     return replace(found, status=next((status for status, present in faults.items() if present), NofrfStatus.OK))
 
@@ -307,10 +304,40 @@ def _said(found: Nofrf) -> str:
         return f"{found.status.value} ({_written(found.lost_levels)} times the excitation)"
     if found.status is NofrfStatus.TRUNCATED:
         return f"{found.status.value} (about {found.advisable_level:.2g} times these levels would do)"
-    if found.status is NofrfStatus.UNVERIFIED:
-        return f"{found.status.value} ({found.levels.size} level(s) for {found.highest} order(s))"
     return found.status.value
 
 
 def _written(levels: Array) -> str:
     return ", ".join(f"{level:.3g}" for level in levels)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SteadyState:
+    """The last period of a simulation from rest."""
+
+    values: Array  # shape (n_samples,): Output over one period, in its unit
+    settled: bool  # True if the output repeats from period to period, up to rounding
+    diverged: bool  # True if the output left all bounds; the values are then its last ones
+
+
+def steady_state(model: NarxModel, excitation: Array) -> SteadyState:
+    """Simulate a model from rest under a period, (n_samples,) or (n_inputs, n_samples), until the output repeats."""
+    lag, n = model.table.max_lag, excitation.shape[-1]
+    periods = -(-_RUN // n)
+    inputs = np.atleast_2d(excitation)[:, np.arange(-lag, periods * n) % n]
+    outputs = np.zeros((1, lag + periods * n))
+    limit = divergence_limit(model.operating, outputs)
+    last, fell = np.zeros(n), np.inf
+    for _ in range(max(_PATIENCE // (periods * n), 100 // periods) + 1):
+        run, failed = free_run(model.table, model.theta, inputs, outputs, limit)
+        values = run[0, -n:]
+        if failed is not None:
+            return SteadyState(values=values, settled=False, diverged=True)
+        before = run[0, -2 * n : -n] if periods > 1 else last
+        change, size = float(np.abs(values - before).max()), float(np.abs(values).max())
+        if change == 0.0 or fell <= change <= _SMALL * size:
+            return SteadyState(values=values, settled=True, diverged=False)
+        last, fell = values, change
+        outputs = np.zeros_like(outputs)
+        outputs[0, :lag] = run[0, run.shape[1] - lag :]
+    return SteadyState(values=last, settled=False, diverged=False)

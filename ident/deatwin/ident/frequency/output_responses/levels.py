@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from deatwin.ident.arguments import read_only, real_numbers
-from deatwin.plant.errors import ModelError
+from deatwin.ident.arguments import read_only
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -17,7 +16,6 @@ Flags = NDArray[np.bool_]
 
 _BETTER = 2.0  # ratio by which further orders must reduce the error to be taken
 _ROUNDING = 1e-12  # share of the spectra that is rounding error
-_SPREAD = 1e12  # largest level, and reciprocal of the smallest: powers of others leave double precision
 _NOTHING = 1e-10  # share of all orders below which an error is not truncation: an order that is zero has such an error
 
 
@@ -49,26 +47,10 @@ class LevelFit:
 
 def chebyshev_levels(count: int) -> Array:
     """Return Chebyshev nodes of both signs, the largest 1, for polynomials without a constant, (count,)."""
-    # An even number of nodes omits level zero, which carries no information.
-    if count < 2 or count % 2:
-        raise ModelError(f"{count} levels; the number must be even and positive, so that they come in pairs without 0")
+    # An even count omits level zero, which carries no information.
     angles = (2 * np.arange(count // 2) + 1) * np.pi / (2 * count)
     positive = np.cos(angles) / np.cos(angles[0])
     return read_only(np.concatenate([positive, -positive[::-1]]))
-
-
-def checked_levels(levels: ArrayLike) -> Array:
-    """Return levels after a check. Shapes: `levels` (n_levels,); returns (n_levels,)."""
-    values = real_numbers(levels, "the levels")
-    if values.ndim != 1:
-        raise ModelError(f"the levels have the shape {values.shape}; they must be of shape (n_levels,)")
-    if not np.all(np.isfinite(values)) or np.any(values == 0):
-        raise ModelError("the levels must be finite factors of the excitation other than 0, where the output is zero")
-    if np.any(np.abs(values) > _SPREAD) or np.any(np.abs(values) < 1 / _SPREAD):
-        raise ModelError(f"the levels must lie between {1 / _SPREAD:g} and {_SPREAD:g} in magnitude; best near 1")
-    if np.unique(values).size < values.size:
-        raise ModelError("the levels must be distinct, because a repeated one adds nothing")
-    return values
 
 
 def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried: range) -> LevelFit:

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
-from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import real_number
 from deatwin.ident.frequency.frozen import Frozen
-from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum
 from deatwin.ident.frequency.response import FrequencyResponse
-from deatwin.ident.frequency.spectrum import representable
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -53,7 +49,6 @@ class NofrfStatus(Enum):
         "the output does not repeat with the period of the excitation: the model is very slow or oscillates by itself; "
         "choose a longer period or a lower amplitude"
     )
-    ILL_CONDITIONED = "the amplitude levels hardly separate the orders; choose levels of both signs, spread over the whole range, or fewer orders"
     ERRATIC_EXCITATION = (
         "the contributions to the powers of this excitation cancel at some frequencies, where the NOFRF is erratic: "
         "random recordings are unsuitable; use design_excitation"
@@ -61,10 +56,6 @@ class NofrfStatus(Enum):
     TRUNCATED = (
         "orders that were not fitted act at these levels: they change a NOFRF by more than 1 %; lower the amplitude or "
         "fit more orders"
-    )
-    UNVERIFIED = (
-        "the error caused by orders beyond those fitted is unknown, because there are too few levels; give at least "
-        "two more levels than orders, spread out"
     )
 
     @property
@@ -163,39 +154,6 @@ class Nofrf(Described, Frozen):
         """Unit of the output."""
         return self.outputs[0].unit
 
-    def output_spectrum(self, level: float = 1.0) -> FrequencyResponse:
-        """Return the output's spectrum as the sum of the fitted orders.
-
-        Parameters
-        ----------
-        level : float
-            Factor of the excitation.
-
-        Returns
-        -------
-        FrequencyResponse
-            Fourier coefficients in the output's unit at all lines of the period.
-
-        Raises
-        ------
-        ModelError
-            If the level is not a finite number, or so large that an order overflows.
-        """
-        factor = real_number(level, "the level")
-        if not np.isfinite(factor):
-            raise ModelError(f"the level is {factor}; it must be finite")
-        with np.errstate(over="ignore", invalid="ignore"):
-            shares = np.power(factor, np.arange(1, self.highest + 1))
-            values = shares @ np.array([y.values for y in self.outputs])
-        evaluates = [y.evaluate for y in self.outputs if y.evaluate is not None]
-        return replace(
-            self.outputs[0],
-            order=0,
-            values=representable(values, f"the output at {factor:g} times it"),
-            differentiate=partial(_summed_gradient, self.outputs, shares),
-            evaluate=partial(_summed, evaluates, shares) if len(evaluates) == self.highest else None,
-        )
-
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot on `ax` or new axes the gain of the requested order, with its truncation error if visible."""
         return self._draw(self.order, axes_or_new(ax))
@@ -225,16 +183,6 @@ class Nofrf(Described, Frozen):
             axes.plot(response.frequency_Hz, error_shown, ":.", color="0.4", label="truncation error")
             axes.legend()
         return axes
-
-
-def _summed_gradient(outputs: Sequence[FrequencyResponse], shares: Array) -> Complex:
-    return np.asarray(np.tensordot(shares, [y.gradient for y in outputs], axes=1), dtype=np.complex128)
-
-
-def _summed(evaluates: Sequence[Callable[[Array], Evaluated]], shares: Array, thetas: Array) -> Evaluated:
-    """Return the sum of orders at other parameters; all orders have an equilibrium at the same parameters."""
-    found = [evaluate(thetas) for evaluate in evaluates]
-    return replace(found[0], values=np.tensordot(shares, [each.values for each in found], axes=1))
 
 
 def _by_line(found: Nofrf) -> Variables:

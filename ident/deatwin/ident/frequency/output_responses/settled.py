@@ -47,7 +47,8 @@ class Evaluated:
     @property
     def sum_error(self) -> float:
         """Largest error of the sum of G_n U_n, relative to the largest line of the simulated output."""
-        error = np.abs(self.fitted.output_spectrum().values - self.simulated)
+        outputs = np.array([y.values for y in self.fitted.outputs])
+        error = np.abs(np.ones(len(outputs)) @ outputs - self.simulated)
         return float(error.max() / np.abs(self.simulated).max())
 
 
@@ -97,9 +98,9 @@ def evaluate(
     return Evaluated(fitted=fitted, direct=tuple(direct), simulated=settled(moved, signal.values))
 
 
-def settled(model: NarxModel, period: Array, *, periods: int = PERIODS) -> Complex:
+def settled(model: NarxModel, period: Array) -> Complex:
     """Run a model free until it repeats; return the last period's spectrum, (n_samples // 2 + 1,)."""
-    inputs = np.tile(period, periods)
+    inputs = np.tile(period, PERIODS)
     run = model.simulate(Recording.from_arrays(inputs, np.zeros_like(inputs), model.sample_time))
     return spectrum_of(run.outputs[0, -period.size :])
 

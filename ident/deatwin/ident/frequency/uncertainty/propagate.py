@@ -17,16 +17,13 @@ from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, Polar, interval_radius, polar
 from deatwin.ident.frequency.uncertainty.parameters import (
-    JOINT,
-    Model,
     Quantity,
-    dof_of,
     draw_theta,
     evaluate,
-    require_memory,
     response_of,
 )
 from deatwin.ident.frequency.uncertainty.regions import Uncertain
+from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.datasets import Metadata, attribute, variable
 
 Array = NDArray[np.float64]
@@ -106,8 +103,6 @@ class Propagated(Uncertain):
         "advice": attribute(),
     }
 
-    linearised = True
-
     @property
     def source(self) -> str:
         """Origin of the uncertainty, for legends."""
@@ -170,12 +165,6 @@ class Propagated(Uncertain):
             f"{failing} of {index.size} frequencies{lost})"
         )
 
-    def joint_covariance(self) -> Array:
-        # The rank is at most the number of parameters.
-        require_memory(4 * self.values.size**2, JOINT)
-        gradient = np.concatenate([self.response.gradient.real, self.response.gradient.imag])
-        return read_only(gradient @ self.response.theta_cov @ gradient.T)
-
     def gain_band(self, level: float | None = None) -> Band:
         """Return a pointwise band of the gain, in ``unit``, of probability `level`, by default ``self.level``.
 
@@ -215,7 +204,7 @@ class Propagated(Uncertain):
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=holds)
 
 
-def propagate(model: Model, quantity: Quantity, *, level: float = 0.95) -> Propagated:
+def propagate(model: NarxModel, quantity: Quantity, *, level: float = 0.95) -> Propagated:
     """Propagate the uncertainty of a model's parameters to a frequency response.
 
     The covariance of real and imaginary part is J theta_cov J', where J is the exact derivative of both parts with
@@ -228,11 +217,11 @@ def propagate(model: Model, quantity: Quantity, *, level: float = 0.95) -> Propa
 
     Parameters
     ----------
-    model : NarxModel or LinearModel
+    model : NarxModel
         Model with the covariance ``theta_cov`` of its parameters.
     quantity : callable
-        Function from a model to a FrequencyResponse: ``partial(gfrf, order=2, omega=omega)``,
-        ``lambda m: output_orders(m, excitation, 3)[1]``, or ``partial(frf, omega=omega)`` for a linear model.
+        Function from a model to a FrequencyResponse: ``partial(gfrf, order=2, omega=omega)``, or
+        ``lambda m: output_orders(m, excitation, 3)[1]``.
     level : float
         Default probability of regions and bands.
 
@@ -262,14 +251,14 @@ def propagate(model: Model, quantity: Quantity, *, level: float = 0.95) -> Propa
     response = response_of(model, quantity, level)
     nonlinearity, lost = _probe(model, quantity, response)
     found = Propagated(
-        response=response, level=level, dof=dof_of(model), nonlinearity=read_only(nonlinearity), lost=lost
+        response=response, level=level, dof=model.theta_dof, nonlinearity=read_only(nonlinearity), lost=lost
     )
     if found.status in (UncertaintyStatus.BENT, UncertaintyStatus.LOST):
         warnings.warn(f"{found.label}: {found.advice}", UncertaintyWarning, stacklevel=2)
     return found
 
 
-def _probe(model: Model, quantity: Quantity, response: FrequencyResponse) -> tuple[Array, float]:
+def _probe(model: NarxModel, quantity: Quantity, response: FrequencyResponse) -> tuple[Array, float]:
     """Return the nonlinearity at each frequency, and the share of test points without the operating point."""
     if not np.any(response.theta_cov):
         return np.zeros(response.values.size), 0.0

@@ -42,8 +42,6 @@ class Uncertain(Described, Frozen, ABC):
     level: float = field(metadata=attribute())  # Default probability of regions and bands
     dof: float = field(metadata=attribute())  # Degrees of freedom of the parameters' t law; infinite for a normal law
 
-    linearised: ClassVar[bool]
-
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "covariance": variable("point", "part", "other_part"),
         "bands": several(lambda found: _bands(found)),
@@ -98,10 +96,6 @@ class Uncertain(Described, Frozen, ABC):
     @abstractmethod
     def linear_law(self) -> NDArray[np.bool_]:
         """True where the ellipses describe real and imaginary part, shape (n,)."""
-
-    @abstractmethod
-    def joint_covariance(self) -> Array:
-        """Return the covariance of all real, then all imaginary parts, (2n, 2n); above 2 GiB, raise ModelError."""
 
     @abstractmethod
     def gain_band(self, level: float | None = None) -> Band:
@@ -185,7 +179,7 @@ class Uncertain(Described, Frozen, ABC):
         outlines = self.ellipse()[shown]
         segments = np.stack([outlines.real, outlines.imag], axis=-1)
         holds = self.linear_law[shown]
-        name = f"{_percent(self.level)} ellipses {self.source}"
+        name = f"{100 * self.level:g} % ellipses {self.source}"
         for chosen, style, text in ((holds, "-", name), (~holds, "--", f"{name}, where the linear law fails")):
             if chosen.any():
                 lines = LineCollection(
@@ -198,22 +192,6 @@ class Uncertain(Described, Frozen, ABC):
         axes.set_ylabel(f"imaginary part{unit}")
         axes.set_aspect("equal", adjustable="datalim")
         axes.legend(fontsize="small")
-        return axes
-
-    def plot_gain(self, ax: Axes | None = None) -> Axes:
-        """Plot the gain with its band on `ax` or new axes; ModelError if sums of frequencies turn back."""
-        axes = axes_or_new(ax)
-        _draw_band(axes, self, self.gain, self.gain_band(), f"$|{self.label.strip('$')}|$")
-        axes.set_yscale("log")
-        numbers_of_decades(axes.yaxis)
-        axes.set_ylabel(f"gain ({written_unit(self.unit)})" if self.unit else "gain")
-        return axes
-
-    def plot_phase(self, ax: Axes | None = None) -> Axes:
-        """Plot the phase with its band on `ax` or new axes; ModelError if sums of frequencies turn back."""
-        axes = axes_or_new(ax)
-        _draw_band(axes, self, self.phase_deg, self.phase_band(), f"phase of {self.label}")
-        axes.set_ylabel("phase (°)")
         return axes
 
 
@@ -238,64 +216,8 @@ def plot_draws(uncertain: Uncertain, draws: Complex, axes: Axes) -> None:
     axes.plot(some.real.ravel(), some.imag.ravel(), ".", color="0.6", markersize=1.5, alpha=0.4, zorder=1)
 
 
-def _draw_band(axes: Axes, uncertain: Uncertain, values: Array, band: Band, label: str) -> None:
-    frequency, name = _axis(uncertain)
-    color = f"C{len(axes.collections)}"
-    drawn = drawn_points(uncertain.response)
-    if label not in axes.get_legend_handles_labels()[1]:
-        axes.plot(frequency, np.where(drawn, values, np.nan), color=color, label=label, **_style(uncertain))
-    text = f"{_percent(band.level)} band {uncertain.source}"
-    if _is_line(uncertain):
-        axes.fill_between(frequency, band.low, band.high, where=drawn, color=color, alpha=0.25, linewidth=0, label=text)
-    else:
-        axes.vlines(frequency[drawn], band.low[drawn], band.high[drawn], color=color, alpha=0.5, label=text)
-    exact = drawn & ~band.linear_law
-    if uncertain.linearised and exact.any():
-        axes.plot(
-            np.tile(np.where(exact, frequency, np.nan), 2),
-            np.concatenate([band.low, band.high]),
-            ".",
-            color=color,
-            markersize=3,
-            label="range of the ellipse",
-        )
-    if np.all(frequency > 0):
-        axes.set_xscale("log")
-    axes.set_xlabel(name)
-    axes.legend(fontsize="small")
-
-
-def _percent(level: float) -> str:
-    return f"{100 * level:g} %"
-
-
-def _axis(uncertain: Uncertain) -> tuple[Array, str]:
-    """Return the frequency of the output in Hz: the sum of the tones' frequencies."""
-    if uncertain.omega.ndim == 1:
-        return uncertain.frequency_Hz, "frequency (Hz)"
-    if not _goes_one_way(_sums(uncertain)):
-        raise ModelError(
-            f"the points of {uncertain.label} are not a line, the sums of their frequencies going up and down; draw gain "
-            "and doubt as a map, `response.plot()` (plot_map), or take points along a line with `at_points`"
-        )
-    return _sums(uncertain), "frequency of the output, sum of the tones' (Hz)"
-
-
-def _is_line(uncertain: Uncertain) -> bool:
-    """Return whether neighbouring points form a curve, unlike spectral lines and grid points."""
-    if uncertain.response.symbol == "Y":
-        return False
-    return uncertain.omega.ndim == 1 or _goes_one_way(_sums(uncertain))
-
-
 def _style(uncertain: Uncertain) -> dict[str, Any]:
-    return {} if _is_line(uncertain) else {"linestyle": "none", "marker": "."}
-
-
-def _sums(uncertain: Uncertain) -> Array:
-    return np.asarray(uncertain.frequency_Hz.sum(axis=1))
-
-
-def _goes_one_way(frequency: Array) -> bool:
-    steps = np.diff(frequency)
-    return bool(np.all(steps > 0) or np.all(steps < 0))
+    """Return the line style: points for spectral lines, and where the sums of the frequencies go up and down."""
+    steps = np.diff(uncertain.frequency_Hz.reshape(uncertain.values.size, -1).sum(axis=1))
+    line = uncertain.omega.ndim == 1 or np.all(steps > 0) or np.all(steps < 0)
+    return {} if line and uncertain.response.symbol != "Y" else {"linestyle": "none", "marker": "."}

@@ -15,16 +15,13 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import probability, read_only, whole_number
 from deatwin.ident.frequency.response import Band
 from deatwin.ident.frequency.uncertainty.parameters import (
-    JOINT,
-    Model,
     Quantity,
-    dof_of,
     draw_theta,
     evaluate,
-    require_memory,
     response_of,
 )
 from deatwin.ident.frequency.uncertainty.regions import Uncertain, plot_draws
+from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.datasets import Metadata, attribute, variable
 from deatwin.plant.errors import ModelError
@@ -35,6 +32,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+_MOST_BYTES = 1 << 31  # of complex draws
 
 
 class SampleStatus(Enum):
@@ -83,8 +82,6 @@ class Sampled(Uncertain):
         "status": attribute(name="draws", of=attrgetter("status.name")),
     }
 
-    linearised = False
-
     @property
     def source(self) -> str:
         """Origin of the uncertainty, for legends."""
@@ -119,12 +116,6 @@ class Sampled(Uncertain):
         rr, ri, ii = (np.einsum("kn,kn->n", a, b) for a, b in pairs)
         return read_only(np.stack([rr, ri, ri, ii], axis=-1).reshape(-1, 2, 2) / (len(away) - 1))
 
-    def joint_covariance(self) -> Array:
-        require_memory(4 * self.values.size**2, JOINT)
-        away = self.draws - self.mean
-        parts = np.concatenate([away.real, away.imag], axis=1)
-        return read_only(parts.T @ parts / (len(parts) - 1))
-
     def gain_band(self, level: float | None = None) -> Band:
         """Return central quantiles of the gain of the draws, of probability `level`, by default ``self.level``.
 
@@ -151,7 +142,7 @@ class Sampled(Uncertain):
 
 
 def sample(
-    model: Model, quantity: Quantity, rng: np.random.Generator, n_draws: int = 2000, *, level: float = 0.95
+    model: NarxModel, quantity: Quantity, rng: np.random.Generator, n_draws: int = 2000, *, level: float = 0.95
 ) -> Sampled:
     """Draw a frequency response from the posterior of a model's parameters.
 
@@ -159,7 +150,7 @@ def sample(
 
     Parameters
     ----------
-    model : NarxModel or LinearModel
+    model : NarxModel
         Model with the covariance ``theta_cov`` of its parameters; their law is normal, or Student-t if ``theta_dof`` is
         finite.
     quantity : callable
@@ -180,7 +171,12 @@ def sample(
     response = response_of(model, quantity, level)
     n_draws = whole_number(n_draws, "n_draws", 2)
     require_generator(rng)
-    require_memory(2 * n_draws * response.values.size, "these draws; take fewer, or fewer frequencies (at_points)")
+    size = 16 * n_draws * response.values.size
+    if size > _MOST_BYTES:
+        raise ModelError(
+            f"{size / 2**30:.3g} GiB, more than {_MOST_BYTES >> 30} GiB, are needed for these draws; take fewer, or fewer "
+            "frequencies (at_points)"
+        )
     found = evaluate(model, quantity, response, draw_theta(model, rng, n_draws))
     kept = found.exists & (found.stable == response.status.ok)
     if kept.sum() < 2:
@@ -191,7 +187,7 @@ def sample(
     return Sampled(
         response=response,
         level=level,
-        dof=dof_of(model),
+        dof=model.theta_dof,
         draws=draws,
         n_without=int(np.sum(~found.exists)),
         n_other=int(np.sum(found.exists & ~kept)),

@@ -20,7 +20,7 @@ from deatwin.ident.frequency.output_responses.powers import input_spectrum
 from deatwin.ident.frequency.output_responses.result import NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.parts import Orders, Tones
 from deatwin.ident.frequency.response import FrequencyResponse
-from deatwin.ident.frequency.spectrum import one_period, output_spectrum, spectrum_of
+from deatwin.ident.frequency.spectrum import one_period, spectrum_of
 from deatwin.ident.frequency.varying.following import followed
 from deatwin.ident.frequency.varying.moving_parts import Reading, correction
 from deatwin.ident.frequency.varying.response import VaryingResponse
@@ -88,49 +88,6 @@ def tv_gfrf(
     return _along(trajectory, quantity, tones, partial(_of_all_tones, tones), timepts, operating_input, progress)
 
 
-def tv_output_spectrum(
-    trajectory: ThetaTrajectory,
-    excitation: ArrayLike,
-    order: int,
-    *,
-    timepts: ArrayLike | None = None,
-    operating_input: ArrayLike | None = None,
-    progress: Progress | None = None,
-) -> VaryingResponse:
-    """Compute the spectrum of the output to a periodic input over time.
-
-    Parameters
-    ----------
-    trajectory : ThetaTrajectory
-        Parameters theta(t) of a model of one input and one output.
-    excitation : array_like, shape (n_samples,)
-        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
-        unit.
-    order : int
-        Highest order N of Y = Y_1 + ... + Y_N.
-    timepts : array_like, shape (n_times,), optional
-        Increasing times, s; see `tv_gfrf`.
-    operating_input : array_like, shape () or (n_times,), optional
-        Constant input, or one for each time, in its unit; the mean of the training inputs by default.
-    progress : callable, optional
-        Callback that receives the completed share, from 0 to 1, and the name of the current step.
-
-    Returns
-    -------
-    VaryingResponse
-        Fourier coefficients Y over time, in the form of `output_spectrum`.
-
-    Raises
-    ------
-    ModelError
-        For the reasons given in `output_spectrum` and `tv_gfrf`.
-    """
-    require_trajectory(trajectory)
-    orders = Orders(one_period(excitation, trajectory.model.sample_time), whole_order(order))
-    quantity = partial(output_spectrum, excitation=excitation, order=order)
-    return _along(trajectory, quantity, orders, _of_all_orders, timepts, operating_input, progress)
-
-
 def tv_nofrf(
     trajectory: ThetaTrajectory,
     excitation: ArrayLike,
@@ -193,10 +150,6 @@ def tv_nofrf(
 
 def _of_all_tones(tones: Tones, found: Mapping[int, Jet]) -> NDArray[Any] | None:
     return found[tones.whole].value / tones.repeats if tones.whole in found else None
-
-
-def _of_all_orders(found: Mapping[int, Jet]) -> NDArray[Any] | None:
-    return spectrum_of(sum(jet.value for jet in found.values())) if found else None
 
 
 def _of_order(

@@ -16,8 +16,6 @@ from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.linear import levels, motion
 from deatwin.ident.frequency.response import Band, FrequencyResponse
-from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
-from deatwin.ident.frequency.varying.plots import colours, edges, first_tone
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 from deatwin.plant.drawing import axes_or_new, written_unit
@@ -25,10 +23,15 @@ from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Normalize
 
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+
+_NARROW = 10.0  # largest ratio of gains for which colours are linear in the gain
+_RANGE = 1e4  # largest ratio of gains on the colour scale; smaller gains share one colour
 
 
 class VaryingStatus(Enum):
@@ -230,25 +233,9 @@ class VaryingResponse(Described, Frozen):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot the gain as a map over time and frequency; unstable times are hatched, times without response blank.
 
-        Responses of several frequencies are plotted along a line: their ``omega`` must lie on a straight line, such as
-        ``np.stack([w, w], axis=-1)`` for f2 = f1.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Raises
-        ------
-        ModelError
-            If the response has several frequencies and the points of `omega` (one row each) do not lie on a straight
-            line.
+        Responses of several frequencies are plotted over the first of them that changes, on `ax` or new axes.
         """
         return _plot_map(self, ax)
-
-    def plot_equilibria(self, ax: Axes | None = None) -> Axes:
-        """Plot the equilibrium over time with the 95 % band due to the parameters, on `ax` or new axes."""
-        return _plot_equilibria(self, ax)
 
     def _stacked(self, get: Callable[[FrequencyResponse], NDArray[Any]]) -> NDArray[Any]:
         """Stack the arrays of all times; NaN where there is none."""
@@ -290,21 +277,6 @@ def _plot_map(response: VaryingResponse, ax: Axes | None) -> Axes:
     return axes
 
 
-def _plot_equilibria(response: VaryingResponse, ax: Axes | None) -> Axes:
-    """Draw the equilibrium over time with its 95 % band."""
-    axes = axes_or_new(ax)
-    dof = [np.inf if model is None else model.theta_dof for model in response.models]
-    half = response.equilibrium_std * [interval_radius(0.95, each) for each in dof]
-    low, high = response.equilibria - half, response.equilibria + half
-    (line,) = axes.plot(response.timepts, response.equilibria, label="equilibrium")
-    axes.fill_between(response.timepts, low, high, color=line.get_color(), alpha=0.25, linewidth=0, label="95 % band")
-    axes.set_xlabel("time (s)")
-    unit = next(model.output_units[0] for model in response.models if model is not None)
-    axes.set_ylabel(f"equilibrium ({unit})" if unit else "equilibrium")
-    axes.legend()
-    return axes
-
-
 def _along_line(response: VaryingResponse) -> tuple[Array, Array, str]:
     """Return cell borders of increasing frequencies in Hz, the gain between them, and the label of the axis."""
     frequency, gain = response.frequency_Hz, response.gain
@@ -329,3 +301,32 @@ def _unstable(response: VaryingResponse) -> list[tuple[float, float]]:
     change = np.diff(np.concatenate([[0], marked, [0]]))
     starts, ends = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
     return [(float(borders[i]), float(borders[j])) for i, j in zip(starts, ends, strict=True)]
+
+
+def colours(gain: Array) -> tuple[float, Normalize]:
+    """Return the gain below which all values share one colour, and the colour scale."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    largest = float(np.nanmax(gain, initial=0.0)) or 1.0
+    least = float(np.nanmin(gain, initial=largest))
+    if largest <= _NARROW * least:
+        return least, Normalize(least, largest)
+    positive = float(np.nanmin(np.where(gain > 0, gain, np.nan), initial=largest))
+    low = max(positive, largest / _RANGE)
+    return low, LogNorm(low, largest)
+
+
+def first_tone(frequency: Array) -> tuple[Array, str]:
+    """Return the first tone that is not constant, shape (n,), and its label. Shapes: `frequency` (n, order)."""
+    moving = int(np.argmax(np.ptp(frequency, axis=0) > 0))
+    if np.unique(frequency[:, moving]).size < len(frequency):
+        raise ModelError("a map over time shows one line of frequencies: give each point its own first frequency")
+    return frequency[:, moving], f"$f_{moving + 1}$ (Hz)"
+
+
+def edges(centres: Array) -> Array:
+    """Return cell borders halfway between centres, shape (n + 1,)."""
+    if centres.size == 1:
+        return centres[0] + np.array([-0.5, 0.5])
+    middle = 0.5 * (centres[1:] + centres[:-1])
+    return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])

@@ -18,7 +18,7 @@ from deatwin.ident.drifts import root_mean_square
 from deatwin.ident.frequency import output_spectrum, remove_dc
 from deatwin.ident.frequency.output_responses.powers import input_spectrum
 from deatwin.ident.frequency.output_responses.result import NofrfWarning
-from deatwin.ident.frequency.varying.along_time import tv_nofrf, tv_output_spectrum
+from deatwin.ident.frequency.varying.along_time import tv_nofrf
 from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
 
 Array = NDArray[np.float64]
@@ -85,12 +85,9 @@ def compare_windows(
 
 def predicted(source: NarxModel | ThetaTrajectory, period: Array, time: float, operating_input: float) -> Array:
     """Return one period of the output's deviation, Y = G_1 U_1 + ... + G_N U_N. Shapes: `period`, result (n,)."""
-    if isinstance(source, NarxModel):
-        spectrum = output_spectrum(source, period, HIGHEST, operating_input=operating_input).values
-    else:
-        # G_n U_n is Y_n: for a random record G_n is erratic where its powers cancel, but the product is not.
-        response = tv_output_spectrum(source, period, HIGHEST, timepts=[time], operating_input=operating_input)
-        spectrum = response.values[0]
+    # G_n U_n is Y_n: for a random record G_n is erratic where its powers cancel, but the product is not.
+    model = source if isinstance(source, NarxModel) else source.at(time)
+    spectrum = output_spectrum(model, period, HIGHEST, operating_input=operating_input).values
     return np.asarray(np.fft.irfft(spectrum * period.size, period.size))
 
 

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.estimate import LeastSquares
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
-from deatwin.ident.narx.linear.edge import judged
 from deatwin.ident.narx.linear.model import LinearModel
 from deatwin.ident.narx.linear.polynomials import Orders, per_input
-from deatwin.ident.narx.linear.search import Minimum, PredictionErrorLoss, minimise
+from deatwin.ident.narx.linear.prediction import Minimum, PredictionErrorLoss, minimise
 from deatwin.ident.narx.linear.start import starting_points
 from deatwin.ident.narx.regression import Recordings, Regression, flatten, require_no_target
 from deatwin.ident.narx.terms import Term, TermTable, Variable
@@ -33,8 +32,7 @@ class LinearIdentifier(Identifier):
     model_ : LinearModel
         Fitted model, in physical units.
     status_ : FitStatus
-        Outcome of the search; ``NOT_CONVERGED`` if the gradient is not small at its end. For models with F it also
-        reports a pole at the edge of stability, and for `OutputError` an input that depends on the output.
+        Outcome of the search; ``NOT_CONVERGED`` if the gradient is not small at its end.
     """
 
     model_: LinearModel
@@ -78,8 +76,6 @@ class LinearIdentifier(Identifier):
                 break
         progress(1.0, "done")
         best = min(found, key=lambda one: one.noise_variance)
-        if self.status_.ok and any(orders.nf):
-            self.status_ = judged(orders, best, loss.records)
         if self.status_ is FitStatus.DONE and not best.converged:
             self.status_ = FitStatus.NOT_CONVERGED
         return best

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.covariance import covariance_of
-from deatwin.ident.narx.drive import Drive, require_suits
-from deatwin.ident.narx.linear.document import SCHEMA, fields_of
-from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
-from deatwin.ident.narx.linear.run import free_run, measured_limit, some_steps
+from deatwin.ident.narx.drive import require_suits
+from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
+from deatwin.ident.narx.linear.prediction import lagged, prediction_errors, recursed
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
+from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.ident.narx.values import set_signals
 from deatwin.plant.arrays import texts
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
+SCHEMA = "deatwin/linear/1"
 _WARMUP_PER_STATE = 10  # samples of warm-up; noise on the state at the start falls with their square root
 
 
@@ -64,6 +64,25 @@ def _document(model: LinearModel) -> dict[str, Any]:
         "theta_cov": model.theta_cov.tolist(),
         "noise_variance": float(model.noise_variance),
         "provenance": dict(model.provenance),
+    }
+
+
+def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of the model from a document."""
+    sides = {"input": document["inputs"], "output": document["outputs"]}
+    labels = {
+        f"{side}_{key}s": tuple(str(signal[key]) for signal in signals)
+        for side, signals in sides.items()
+        for key in ("name", "unit")
+    }
+    return {
+        **{name: document[name] for name in ("a", "c", "d", "theta_cov")},
+        **{name: tuple(document[name]) for name in ("b", "f")},
+        "offset": float(document["offset"]),
+        "noise_variance": float(document["noise_variance"]),
+        "sample_time": float(document["sample_time_s"]),
+        "provenance": {str(key): str(value) for key, value in document["provenance"].items()},
+        **labels,
     }
 
 
@@ -198,8 +217,8 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         lines = [f"{name} = {_written(p)}" for name, p in sorted(rows.items()) if p.size > 1 or name[0] == "B"]
         return "\n".join([*lines, f"offset = {self.offset:.6g}"])
 
-    def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict each sample from the measurements up to ``steps`` samples before it.
+    def predict(self, recording: Recording) -> NarxResponse:
+        """Predict each sample from the measurements before it.
 
         If F has states, the first ten samples per state determine the initial state and do not count as predicted.
 
@@ -207,8 +226,6 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         ----------
         recording : Recording
             Measured inputs and output, in the model's units.
-        steps : int
-            Number of samples ahead; the noise of the last ``steps`` samples is zero, and all inputs are known.
 
         Returns
         -------
@@ -218,20 +235,21 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         Raises
         ------
         ModelError
-            If the recording does not suit the model, is too short for the steps, or C or an F is unstable.
+            If the recording does not suit the model, or C or an F is unstable.
         """
-        warmup = self._warmup(recording, self.poles.size - (self.a.size - 1))
-        outputs, first, failed = some_steps(
-            self.orders, self.polynomials, recording.inputs, recording.outputs[0], warmup, steps
-        )
-        if failed is None:
-            return response_over(recording, outputs[None], first, self.output_units)
-        when = float(recording.timepts[failed])
-        return response_over(recording, outputs[None], first, self.output_units, ResponseStatus.SOME_DIVERGED, when)
+        self._require(recording)
+        if not all(is_stable(p) for p in (self.c, *self.f)):
+            raise ModelError("a root of C or F lies on or outside of the unit circle: the predictor is unstable")
+        output, states = recording.outputs[0], sum(self.orders.nf)
+        found = prediction_errors(self.orders, self.polynomials, recording.inputs, output, np.zeros(states))
+        warmup = self._warmup(recording, states)
+        start = -np.linalg.lstsq(found.start_gradient[:, :warmup].T, found.errors[:warmup], rcond=None)[0]
+        errors = (found.errors + start @ found.start_gradient)[warmup:]
+        outputs = output.copy()
+        outputs[output.size - errors.size :] -= errors
+        return response_over(recording, outputs[None], output.size - errors.size, self.output_units)
 
-    def simulate(
-        self, recording: Recording | ArrayLike, *, warmup: int | None = None, initial: ArrayLike | None = None
-    ) -> NarxResponse:
+    def simulate(self, recording: Recording, *, warmup: int | None = None) -> NarxResponse:
         """Simulate the deterministic part from its inputs alone (free run).
 
         The initial state is fitted to the first ``warmup`` measured outputs by least squares. Later outputs are not
@@ -239,75 +257,56 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
 
         Parameters
         ----------
-        recording : Recording, or array_like of shape (n,) or (n_inputs, n)
-            Inputs in the model's units. The first outputs of a recording start the run, unless it has none or
-            ``initial`` is given.
+        recording : Recording
+            Inputs and the outputs that start the run, in the model's units.
         warmup : int, optional
             Number of recorded samples that determine the initial state, at least the number of poles. Defaults to ten
             per pole, or a third of the recording if that is less. With one sample per pole the run starts exactly from
             those outputs, noise included, as the run of a NARX model does.
-        initial : array_like, shape (m,), optional
-            Outputs before the run that determine the initial state, newest last, at least as many as there are poles;
-            NaN after the last known output is ignored. Without these and without recorded outputs, the run starts from
-            zero.
 
         Returns
         -------
         NarxResponse
-            Response with ``.outputs`` of shape (1, n), computed from ``.first`` on; ``.measured`` is NaN for unknown
-            outputs. If the run diverges, ``.status`` says so.
+            Response with ``.outputs`` of shape (1, n), computed from ``.first`` on. If the run diverges, ``.status``
+            says so.
 
         Raises
         ------
         ModelError
-            If shapes are inconsistent, there are too few initial outputs, or the recording does not suit the model.
+            If the recording does not suit the model, or is too short for the warm-up.
         """
-        drive = self._drive(recording, warmup, initial)
-        lag, output = self.orders.input_lag, drive.outputs[0]
-        # the start alone does not show the size of a sound run
-        limit = measured_limit(output) if np.all(np.isfinite(drive.measured)) else divergence_limit(None, output)
-        outputs, first, failed = free_run(self.polynomials, lag, drive.inputs, output, drive.first - lag, limit)
-        if failed is None:
-            return response_over(drive, outputs[None], first, self.output_units)
-        return response_over(
-            drive, outputs[None], first, self.output_units, ResponseStatus.DIVERGED, float(drive.timepts[failed])
-        )
-
-    def _drive(self, given: Recording | ArrayLike, warmup: int | None, initial: ArrayLike | None) -> Drive:
-        """Return the inputs and initial outputs of a free run, after a check."""
-        lag, poles = self.orders.input_lag, self.poles.size
-        if isinstance(given, Recording) and initial is None and given.output_names:
-            wanted = self._warmup(given, poles) if warmup is None else warmup
-            if not poles <= wanted <= given.n_samples - lag - 1:
-                raise ModelError(
-                    f"warmup = {wanted}; it must be at least the number of poles, {poles}, "
-                    f"and leave something of the recording's {given.n_samples} samples"
-                )
-            self._require(given)
-            return Drive.recorded(given, lag + wanted)
-        if warmup is not None:
-            raise ModelError("warmup counts recorded outputs, and none are used here: give initial alone")
-        if isinstance(given, Recording):
-            self._require(given, with_outputs=False)
-        return Drive.of(
-            given,
-            initial,
-            input_names=self.input_names,
-            n_outputs=1,
-            sample_time=self.sample_time,
-            first=lag + poles,
-            fewest=poles,
-        )
+        self._require(recording)
+        lag, poles, output = self.orders.input_lag, self.poles.size, recording.outputs[0]
+        wanted = self._warmup(recording, poles) if warmup is None else warmup
+        if not poles <= wanted <= recording.n_samples - lag - 1:
+            raise ModelError(
+                f"warmup = {wanted}; it must be at least the number of poles, {poles}, "
+                f"and leave something of the recording's {recording.n_samples} samples"
+            )
+        first, outputs = lag + wanted, output.copy()
+        outputs[first:] = _free_run(self.polynomials, lag, recording.inputs, output, wanted)
+        bad = ~(np.abs(outputs) < DIVERGED * max(float(np.abs(output).max()), np.finfo(float).tiny))
+        if not bad.any():
+            return response_over(recording, outputs[None], first, self.output_units)
+        failed = int(np.argmax(bad))
+        outputs[failed:] = outputs[failed - 1]
+        when = float(recording.timepts[failed])
+        return response_over(recording, outputs[None], first, self.output_units, ResponseStatus.DIVERGED, when)
 
     def to_control(self) -> TransferFunction:
         """Return B_i/(A F_i) from each input to the output as a discrete system of python-control."""
-        pairs = [(b, np.convolve(self.a, f)) for b, f in zip(self.b, self.f, strict=True)]
-        return _transfer(pairs, self.sample_time, self.input_names, self.output_names)
+        import control
 
-    def noise_to_control(self) -> TransferFunction:
-        """Return C/(A D), from the noise e to the output, as a discrete system of python-control."""
-        pair = (self.c, np.convolve(self.a, self.d))
-        return _transfer([pair], self.sample_time, ("e",), self.output_names)
+        pairs = [(b, np.convolve(self.a, f)) for b, f in zip(self.b, self.f, strict=True)]
+        size = max(polynomial.size for pair in pairs for polynomial in pair)
+        padded = [[np.pad(p, (0, size - p.size)) for p in pair] for pair in pairs]
+        return control.tf(
+            [[num for num, _ in padded]],
+            [[den for _, den in padded]],
+            self.sample_time,
+            inputs=list(self.input_names),
+            outputs=list(self.output_names),
+        )
 
     def to_narx(self) -> NarxModel:
         """Return an ARX or ARMAX model as a NARX or NARMAX model of degree 1; ModelError unless D and all F are 1."""
@@ -334,17 +333,12 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
             provenance=self.provenance,
         )
 
-    def _require(self, recording: Recording, with_outputs: bool = True) -> None:
+    def _require(self, recording: Recording) -> None:
         """Raise ModelError unless a recording has the model's sample time and signals."""
-        require_suits(
-            recording,
-            self,
-            with_outputs=with_outputs,
-            fewest=self.orders.first + self.orders.nd + self.poles.size + 1,
-        )
+        fewest = self.orders.first + self.orders.nd + self.poles.size + 1
+        require_suits(recording, self, with_outputs=True, fewest=fewest)
 
     def _warmup(self, recording: Recording, states: int) -> int:
-        self._require(recording)
         return max(states, min(_WARMUP_PER_STATE * states, recording.n_samples // 3))
 
 
@@ -353,13 +347,14 @@ def _written(polynomial: Array) -> str:
     return " + ".join(parts).replace("+ -", "- ")
 
 
-def _transfer(
-    pairs: Sequence[tuple[Array, Array]], dt: float, inputs: Sequence[str], outputs: Sequence[str]
-) -> TransferFunction:
-    import control
-
-    size = max(polynomial.size for pair in pairs for polynomial in pair)
-    padded = [[np.pad(p, (0, size - p.size)) for p in pair] for pair in pairs]
-    return control.tf(
-        [[num for num, _ in padded]], [[den for _, den in padded]], dt, inputs=list(inputs), outputs=list(outputs)
-    )
+def _free_run(p: Polynomials, lag: int, inputs: Array, output: Array, warmup: int) -> Array:
+    """Simulate the deterministic part from a state fitted to the first `warmup` outputs after `lag`; returns the rest."""
+    n = output.size - lag
+    drive, free = np.full(n, p.offset), [recursed(p.a, np.eye(p.a.size - 1, n))]
+    with np.errstate(over="ignore", invalid="ignore"):  # an unstable run overflows; detected by the caller
+        for u, b, f in zip(inputs, p.b, p.f, strict=True):
+            drive += recursed(f, b @ lagged(u, range(b.size), lag))
+            free.append(recursed(np.convolve(p.a, f), np.eye(f.size - 1, n)))
+        run, states = recursed(p.a, drive), np.concatenate(free)
+        start = np.linalg.lstsq(states[:, :warmup].T, (output[lag:] - run)[:warmup], rcond=None)[0]
+        return np.asarray((run + start @ states)[warmup:], dtype=np.float64)

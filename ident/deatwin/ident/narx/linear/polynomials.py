@@ -13,6 +13,7 @@ from deatwin.plant.datasets import Variables
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
+_LARGEST = 0.9999  # magnitude up to which a root counts as inside the unit circle when a search starts
 
 
 class Polynomials(NamedTuple):
@@ -176,12 +177,12 @@ def is_stable(polynomial: Array) -> bool:
     return polynomial.size == 1 or bool(np.abs(np.roots(polynomial)).max() < 1.0)
 
 
-def reflected(polynomial: Array, *, largest: float = 0.9999) -> Array:
+def reflected(polynomial: Array) -> Array:
     """Return a polynomial (order + 1,) with its roots reflected into the unit circle, as a starting point of a search."""
     if polynomial.size == 1:
         return polynomial
     roots = np.roots(polynomial)
     size = np.abs(roots)
-    inside = np.minimum(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), largest)
+    inside = np.minimum(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), _LARGEST)
     roots = np.where(size > 0.0, roots / np.where(size > 0.0, size, 1.0) * inside, roots)
     return np.asarray(np.poly(roots).real, dtype=np.float64)

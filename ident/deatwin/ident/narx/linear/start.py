@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, reflected
-from deatwin.ident.narx.linear.prediction import lagged
+from deatwin.ident.narx.linear.prediction import Record, lagged
 
 Array = NDArray[np.float64]
-Record = tuple[Array, Array]  # Scaled inputs, (n_inputs, n), and output, (n,)
 
 _ONE = np.ones(1)
 _ONE.setflags(write=False)

@@ -15,7 +15,6 @@ from deatwin.ident.narx.preprocess.sections import (
     StationarityTest,
     Stretch,
     choose_sections,
-    stationarity_tests,
 )
 from deatwin.plant.decimation import decimate, removed_share
 
@@ -41,5 +40,4 @@ __all__ = [
     "inspect_recordings",
     "lags_after",
     "removed_share",
-    "stationarity_tests",
 ]

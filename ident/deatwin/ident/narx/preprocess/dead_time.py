@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +14,8 @@ from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.long_arx import LongArx, Signals, answer_chance, enough_lags, n_residuals
 from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
-from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording, label
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 
@@ -82,33 +76,24 @@ class DeadTime:
         Time between two samples, in s.
     status : DeadTimeStatus
         Outcome of the estimation.
-    probabilities : ndarray, shape (n_lags,)
-        Probability of each dead time from 0 samples on; empty if there is no estimate.
     probability : float
         Probability of `interval`, between 0 and 1.
+    probabilities : ndarray, shape (n_lags,)
+        Probability of each dead time from 0 samples on; empty if there is no estimate.
     searched_to : int
         Longest dead time that was tested, in samples.
-    feedback_p_value : float
-        p-value of the test for feedback from the output to the input; NaN if not tested.
-    impulse, impulse_std : ndarray, shape (n_coefficients,)
-        Impulse response of the whitened output to the input at each lag from 0 on, in standard deviations of the output
-        per standard deviation of the input, and its standard error.
     """
 
     input_name: str
     output_name: str
     sample_time: float
     status: DeadTimeStatus
-    probabilities: Array
     probability: float
-    searched_to: int
-    feedback_p_value: float
-    impulse: Array
-    impulse_std: Array
+    probabilities: Array = field(default_factory=lambda: np.empty(0))
+    searched_to: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("probabilities", "impulse", "impulse_std"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+        object.__setattr__(self, "probabilities", read_only(self.probabilities))
 
     @property
     def samples(self) -> int | None:
@@ -146,21 +131,6 @@ class DeadTime:
             f"({self.samples * self.sample_time:.4g} s), {100 * self.probability:g} % interval {low} to {high} samples"
         )
         return found if self.status is DeadTimeStatus.FOUND else f"{found}; {self.status.value}"
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw on `ax` or new axes the impulse response of the whitened output, with the dead time and its interval."""
-        axes = axes_or_new(ax)
-        lags = np.arange(self.impulse.size)
-        axes.errorbar(lags, self.impulse, 1.96 * self.impulse_std, fmt=".", elinewidth=0.8, label="answer, 95 %")
-        axes.axhline(0.0, color="0.4", linewidth=0.6)
-        if self.samples is not None and self.interval is not None:
-            low, high = self.interval
-            axes.axvspan(low - 0.5, high + 0.5, color="0.85", zorder=0, label=f"{100 * self.probability:g} % interval")
-            axes.axvline(self.samples, color="k", linewidth=0.8, label="dead time")
-        axes.set_xlabel("lag (samples)")
-        axes.set_ylabel(f"whitened {self.output_name} for {self.input_name} (1)")
-        axes.legend()
-        return axes
 
 
 def estimate_dead_time(
@@ -230,7 +200,13 @@ def estimate_dead_time(
             found[which] = _of_input(arx, row, which, chosen[0], output, probability, answers[row])
     for which in set(range(inputs.shape[0])) - set(found):
         why = DeadTimeStatus.SHORT if which in moving else DeadTimeStatus.CONSTANT
-        found[which] = _untold(chosen[0], which, output, why, probability)
+        found[which] = DeadTime(
+            input_name=chosen[0].input_names[which],
+            output_name=chosen[0].output_names[output],
+            sample_time=chosen[0].sample_time,
+            status=why,
+            probability=probability,
+        )
     return tuple(found[which] for which in sorted(found))
 
 
@@ -314,28 +290,9 @@ def _of_input(
         probabilities=probabilities,
         probability=probability,
         searched_to=searched_to,
-        feedback_p_value=feedback,
-        impulse=arx.b[row],
-        impulse_std=arx.b_std[row],
     )
     if found.interval is None or not status.ok:
         return found
     between = probabilities[found.interval[0] : found.interval[1] + 1]
     # If the interval contains a dead time that is practically excluded, it comes from an input that repeats itself.
     return replace(found, status=DeadTimeStatus.ALIKE) if between.min() < _SEEN * between.max() else found
-
-
-def _untold(record: Recording, which: int, output: int, status: DeadTimeStatus, probability: float) -> DeadTime:
-    nothing = np.empty(0)
-    return DeadTime(
-        input_name=record.input_names[which],
-        output_name=record.output_names[output],
-        sample_time=record.sample_time,
-        status=status,
-        probabilities=nothing,
-        probability=probability,
-        searched_to=0,
-        feedback_p_value=math.nan,
-        impulse=nothing,
-        impulse_std=nothing,
-    )

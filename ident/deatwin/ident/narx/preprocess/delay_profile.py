@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
-from deatwin.ident.narx.linear.search import PredictionErrorLoss
-from deatwin.ident.narx.linear.start import Record, starting_points
+from deatwin.ident.narx.linear.prediction import PredictionErrorLoss, Record
+from deatwin.ident.narx.linear.start import starting_points
 from deatwin.ident.narx.long_arx import LongArx
 
 Array = NDArray[np.float64]

@@ -11,13 +11,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from deatwin.ident.narx.identifier import NarxIdentifier, Progress, silent
+from deatwin.ident.narx.identifier import NarxIdentifier
 from deatwin.ident.narx.lags import Lags, lags_anywhere
-from deatwin.ident.narx.levels import remarks_on_levels
-from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.preprocess.dead_time import DeadTime, estimate_dead_time, lags_after
 from deatwin.ident.narx.regression import Recordings, flatten
-from deatwin.ident.parallel import run_jobs
 from deatwin.plant.datasets import Described, Metadata, attribute, squared, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -36,7 +32,6 @@ class TrialStatus(Enum):
     DONE = "done"
     DIVERGED = "the free run over the held-out data diverged"
     FAILED = "no model could be fitted: see the reason"
-    NOT_RUN = "interrupted before its turn"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +46,6 @@ class OrderTrial:
         Largest degree of the candidates.
     n_terms : int
         Number of terms of the fitted model; 0 if there is no model.
-    n_input_terms : int
-        Number of terms of the fitted model that contain an input.
     error : float
         Root mean square of the free-run error over the held-out data, in the output's unit; infinite if the trial gave
         no free run.
@@ -69,7 +62,6 @@ class OrderTrial:
     input_lags: Lags = field(metadata=variable(of=lambda trial: str(trial.input_lags)))
     degree: int
     n_terms: int = 0
-    n_input_terms: int = 0
     error: float = field(
         default=np.inf, metadata=variable(unit=attrgetter("unit"), about="RMS of the free run, held-out data")
     )
@@ -78,7 +70,7 @@ class OrderTrial:
         default=np.inf,
         metadata=variable(unit=lambda choice: squared(choice.unit), about="standard error of mean_square"),
     )
-    status: TrialStatus = field(default=TrialStatus.NOT_RUN, metadata=variable(of=lambda trial: trial.status.name))
+    status: TrialStatus = field(default=TrialStatus.FAILED, metadata=variable(of=lambda trial: trial.status.name))
     reason: str = ""
 
 
@@ -89,19 +81,13 @@ class OrderChoice(Described):
     Parameters
     ----------
     trials : tuple of OrderTrial
-        Trials at all grid points, including those that failed or were not run.
+        Trials at all grid points, including those that failed.
     unit : str
         Unit of the errors.
-    dead_times : tuple of DeadTime
-        Dead time of each input in the training data.
-    remarks : tuple of str
-        Sentence for each input that has too few levels to determine the largest degree.
     """
 
     trials: tuple[OrderTrial, ...] = field(metadata=table_along("trial", name=""))
     unit: str = ""
-    dead_times: tuple[DeadTime, ...] = ()
-    remarks: tuple[str, ...] = ()
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "chosen": variable(
@@ -137,21 +123,6 @@ class OrderChoice(Described):
         limit = self.best.mean_square + self.best.standard_error
         return min((trial for trial in self.done if trial.mean_square <= limit), key=_size)
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings about the chosen model: it has no input, or its lags end before an input acts."""
-        if not self.done:
-            return ()
-        said, chosen = [], self.chosen
-        if self.dead_times and not chosen.n_input_terms:
-            said.append("the chosen model has no input: in none of these lags did an input lessen the free-run error")
-        last = _largest(chosen.input_lags)
-        late = [one for one in self.dead_times if one.interval is not None and one.interval[0] > last]
-        said += [f"{one}, which is after the last input lag, {last}" for one in late]
-        if not chosen.n_input_terms:
-            said += [str(one) for one in self.dead_times if one.samples is None]
-        return tuple(said)
-
     def __str__(self) -> str:
         lines = ["output lags  input lags  degree  terms  free-run error"]
         for trial in self.trials:
@@ -159,7 +130,7 @@ class OrderChoice(Described):
             mark = "  <- chosen" if self.done and trial is self.chosen else ""
             lags = f"{_short(trial.output_lags):>11}  {_short(trial.input_lags):>10}"
             lines.append(f"{lags}  {trial.degree:>6}  {trial.n_terms:>5}  {error}{mark}")
-        return "\n".join([*lines, *self.warnings, *self.remarks])
+        return "\n".join(lines)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the free-run error over the output lags on `ax` or new axes, with a line for each degree.
@@ -207,14 +178,11 @@ def choose_orders(
     output_lags: Iterable[Lags],
     input_lags: Iterable[Lags] | None = None,
     degrees: Iterable[int] = (1, 2, 3),
-    workers: int = 1,
-    progress: Progress | None = None,
 ) -> OrderChoice:
     """Fit models over a grid of lags and degrees and compare their free runs on held-out data.
 
-    All errors are computed over the same samples, those after the largest lag of the grid. Ctrl-C ends the search and
-    keeps the completed trials. If an input has a dead time (`estimate_dead_time`), input lags that begin at the dead
-    time are tried too, unless `input_lags` is given.
+    All errors are computed over the same samples, those after the largest lag of the grid. If an input has a dead time
+    (`estimate_dead_time`), give input lags that begin with it (`lags_after`).
 
     Parameters
     ----------
@@ -226,14 +194,9 @@ def choose_orders(
         Output lags to try, each as the identifier takes it: a number n for 1..n, a sequence, or the lags of each
         channel.
     input_lags : iterable of Lags, optional
-        Input lags to try with each entry of `output_lags`. By default, the input lags are the same as the output lags
-        and, if an input has a dead time, also as many lags from the dead time on.
+        Input lags to try with each entry of `output_lags`; by default the same as the output lags.
     degrees : iterable of int
         Degrees to try.
-    workers : int
-        Number of processes; 1 runs in this process, -1 uses all cores.
-    progress : callable, optional
-        Called with the share done, between 0 and 1, and a description of the current step.
 
     Raises
     ------
@@ -244,10 +207,9 @@ def choose_orders(
     for name, tried in (("output_lags", output_lags), ("input_lags", input_lags), ("degrees", degrees)):
         if isinstance(tried, str) or not (tried is None or isinstance(tried, Iterable)):
             raise ModelError(f"{name} = {tried!r}; give all that are tried, as [1, 2, 3]")
-    own, other = list(output_lags), None if input_lags is None else list(input_lags)
-    dead_times = estimate_dead_time(train) if train[0].inputs.size else ()
-    pairs = _with_dead_times(own, dead_times, held_out) if other is None else list(product(own, other))
-    grid = [OrderTrial(output_lags=y, input_lags=u, degree=d) for d in degrees for y, u in pairs]
+    own = list(output_lags)
+    pairs = zip(own, own, strict=True) if input_lags is None else product(own, input_lags)
+    grid = [OrderTrial(output_lags=y, input_lags=u, degree=d) for d, (y, u) in product(degrees, list(pairs))]
     if not grid:
         raise ModelError("the grid is empty: give output lags and degrees")
     first = max(max(_largest(trial.output_lags), _largest(trial.input_lags)) for trial in grid)
@@ -255,38 +217,8 @@ def choose_orders(
         raise ModelError(
             f"a held-out recording is shorter than the {first + 2 * _BLOCKS} samples that lags up to {first} need"
         )
-    tell = progress or silent
-    done: list[OrderTrial] = []
-    chunk = 1 if workers == 1 else 8 * max(workers, 2)  # trials that an interrupt can lose
-    try:
-        for start in range(0, len(grid), chunk):
-            jobs = [(identifier, trial, train, held_out, first) for trial in grid[start : start + chunk]]
-            done += run_jobs(_try, jobs, workers=workers)
-            tell(len(done) / len(grid), f"{len(done)} of {len(grid)} models")
-    except KeyboardInterrupt:
-        if not done:
-            raise
-    return OrderChoice(
-        trials=(*done, *grid[len(done) :]),
-        unit=held_out[0].output_units[0],
-        dead_times=dead_times,
-        remarks=remarks_on_levels(train, max(trial.degree for trial in grid)),
-    )
-
-
-def _with_dead_times(
-    output_lags: Sequence[Lags], dead_times: Sequence[DeadTime], held_out: Sequence[Recording]
-) -> list[tuple[Lags, Lags]]:
-    """Return each number of output lags with as many input lags, once from lag 1 and once from the dead times on."""
-    pairs: list[tuple[Lags, Lags]] = []
-    room = min(record.n_samples for record in held_out) - 2 * _BLOCKS
-    for lags in output_lags:
-        count = len(set(lags_anywhere(lags)))
-        late = lags_after(dead_times, count)
-        pairs.append((lags, lags))
-        if max(late, default=0) > count and late[-1] <= room:
-            pairs.append((lags, late))
-    return pairs
+    trials = tuple(_try(identifier, trial, train, held_out, first) for trial in grid)
+    return OrderChoice(trials=trials, unit=held_out[0].output_units[0])
 
 
 def _try(
@@ -304,7 +236,7 @@ def _try(
     except (ModelError, np.linalg.LinAlgError) as error:
         return replace(trial, status=TrialStatus.FAILED, reason=str(error))
     runs = [model.simulate(record) for record in validation]
-    fitted = replace(trial, n_terms=len(model.terms), n_input_terms=_n_with_input(model), status=TrialStatus.DIVERGED)
+    fitted = replace(trial, n_terms=len(model.terms), status=TrialStatus.DIVERGED)
     if not all(run.status.ok for run in runs):
         return fitted
     squares = np.concatenate([(run.measured - run.outputs)[0, first:] ** 2 for run in runs])
@@ -316,10 +248,6 @@ def _try(
         standard_error=_standard_error(squares),
         status=TrialStatus.DONE,
     )
-
-
-def _n_with_input(model: NarxModel) -> int:
-    return sum(any(variable.kind == "u" for variable, _ in term.factors) for term in model.terms)
 
 
 def _short(lags: Lags) -> str:

@@ -57,7 +57,7 @@ class SectionStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class StationarityTest:
-    """Result of one test of `stationarity_tests`, for one statistic of one signal.
+    """Result of one test of stationarity, for one statistic of one signal.
 
     Parameters
     ----------
@@ -203,31 +203,6 @@ class Sections(Described):
         axes.set_ylabel(axis_label(record.output_names[0], record.output_units[0]))
         axes.legend(loc="upper right")
         return axes
-
-
-def stationarity_tests(recording: Recording, *, n_segments: int = 20) -> tuple[StationarityTest, ...]:
-    """Test whether mean, variance and fast variance of each signal stay the same over a recording.
-
-    The fast variance is the variance of the steps from sample to sample. Constant signals are not tested.
-
-    Parameters
-    ----------
-    recording : Recording
-        Recording whose inputs and outputs are tested.
-    n_segments : int
-        Number of segments, at least 10; each should be at least fifteen correlation times long.
-
-    Returns
-    -------
-    tuple of StationarityTest
-        Tests of each statistic of each signal for a trend, a change and excess spread.
-
-    Raises
-    ------
-    DataError
-        If the segments are too few, or shorter than 8 samples.
-    """
-    return _tests(recording, _statistics(recording, n_segments))
 
 
 def choose_sections(
