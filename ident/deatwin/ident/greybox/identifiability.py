@@ -14,12 +14,12 @@ from scipy.special import gammaincinv
 from deatwin.ident.greybox.covariance import white_variances
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.minimum import EVALUATIONS
-from deatwin.ident.greybox.parts import Part, Records, parts_of
+from deatwin.ident.greybox.parts import Part, Records, free_run_residuals, parts_of
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.survey import held
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new
-from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.errors import DataError, ModelError, nearest
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ LEVEL = 0.95
 LIMIT = 2 * float(gammaincinv(0.5, LEVEL))  # Quantile at this level of the chi-squared law with one degree of freedom
 CLOSE = 0.02  # Tolerance of the deviance at an end of the interval, relative to the limit
 MOST_POINTS = 6  # Most refits on each side
+SAME = 0.01  # Share of the rms residual by which residuals of the same data differ at most, whatever solver found them
+ROUNDING = 1e-6  # The same as a share of the largest reading, for data that are fitted almost exactly
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,7 +117,7 @@ def profile(calibration: Calibration, records: Records, name: str) -> Profile:
     ModelError
         If the parameter was not fitted.
     DataError
-        If the data are of another kind.
+        If the data are not those of the calibration.
 
     References
     ----------
@@ -125,6 +127,8 @@ def profile(calibration: Calibration, records: Records, name: str) -> Profile:
     if name not in calibration.names:
         raise ModelError(f"{name!r} was not fitted{nearest(name, calibration.names)}")
     parts = parts_of(records, calibration.plant.rig)
+    if not _were_fitted(parts, calibration):
+        raise DataError("these are not the data that were calibrated: give calibrate and profile the same recordings")
     sides = [_side(calibration, parts, name, sign) for sign in (-1, 1)]
     parameter = calibration.plant.parameters[name]
     points = {parameter.value: 0.0, **sides[0].tried, **sides[1].tried}
@@ -138,6 +142,14 @@ def profile(calibration: Calibration, records: Records, name: str) -> Profile:
         high=ends[1].end,
         bounded=(ends[0].bounded, ends[1].bounded),
     )
+
+
+def _were_fitted(parts: Sequence[Part], calibration: Calibration) -> bool:
+    """Return whether parts have, but for rounding, the residuals of a calibration."""
+    residuals, largest = free_run_residuals(calibration.plant, parts), max(np.abs(p.measured).max() for p in parts)
+    if residuals is None or residuals.shape != calibration.residuals.shape:
+        return False
+    return bool(np.abs(residuals - calibration.residuals).max() <= SAME * calibration.rms + ROUNDING * largest)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
