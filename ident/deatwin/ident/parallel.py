@@ -13,7 +13,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from deatwin.ident.arguments import whole_number
+from deatwin.plant.arrays import require_seed
 from deatwin.plant.errors import ModelError
 from deatwin.plant.interrupts import ignore_interrupts, interrupts_held
 
@@ -50,8 +50,8 @@ def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
     ModelError
         If the seed is not an integer of at least 0.
     """
-    sequence = np.random.SeedSequence(whole_number(seed, "seed", 0))
-    return [np.random.default_rng(child) for child in sequence.spawn(count)]
+    require_seed(seed)
+    return [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(count)]
 
 
 def require_workers(workers: Any) -> None:

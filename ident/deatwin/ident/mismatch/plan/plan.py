@@ -8,7 +8,6 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from deatwin.ident.arguments import whole_number
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
@@ -24,6 +23,7 @@ from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen, Telling
 from deatwin.ident.mismatch.plan.seen import Change, distances, smallest
 from deatwin.ident.parallel import one_thread, require_workers, run_jobs
 from deatwin.plant.amplitudes import amplitude_unit
+from deatwin.plant.arrays import require_seed
 from deatwin.plant.effects.base import Effect, require_effects
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.model import Plant, require_plant
@@ -100,7 +100,7 @@ def plan_experiment(
         raise DataError(f"commands must be a Recording, whose readings are ignored, not a {type(commands).__name__}")
     tell = progress or (lambda share, text: None)
     require_workers(jobs)
-    whole_number(seed, "seed", 0)
+    require_seed(seed)
     given = plant.rig.effects() if effects is None else require_effects(effects)
     known = [effect for effect in given if plant.accepts(effect)]
     if not known:
