@@ -158,6 +158,12 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         lambda: arrays(np.ones(5), np.ones(5), 1.0, extras={"force": np.ones(3)}),
         r'channel "force" has the shape \(3,\)',
     ),
+    *(
+        (lambda kind=kind: arrays(np.ones(5), np.ones(5), 1.0, **{kind: ["K"]}), f"{kind} must be a mapping of names")
+        for kind in ("extras", "extra_units", "provenance")
+    ),
+    *((lambda time=time: noise(time), "duration must be one number, in s") for time in (None, "long", [1.0, 2.0])),
+    (lambda: noise(10.0, None), "sample_time must be one number, in s"),
     (lambda: Experiment(recordings=(ramp(), ramp(start=1.5))), "overlap between 1.5 s and 2 s.*--experiment"),
     (lambda: Experiment(recordings=(ramp(), ramp(9.0, 0.01))), "sample times 0.02 s and 0.01 s"),
     (
@@ -297,3 +303,9 @@ def test_parameters_of_an_energy_have_the_names_of_its_arguments_in_any_order() 
 def test_numbers_that_are_none(use: Callable[[], object], says: str) -> None:
     with pytest.raises((RigError, DataError), match=says):
         use()
+
+
+@pytest.mark.parametrize("seed", [None, 1.5, "a", -1, True, RNG])
+def test_a_seed_is_an_integer_of_at_least_zero(seed):
+    with pytest.raises(ModelError, match="it must be an integer of at least 0"):
+        fleet(seed)
