@@ -32,7 +32,9 @@ LEVEL = 0.95
 LIMIT = 2 * float(gammaincinv(0.5, LEVEL))  # Quantile at this level of the chi-squared law with one degree of freedom
 CLOSE = 0.02  # Tolerance of the deviance at an end of the interval, relative to the limit
 MOST_POINTS = 6  # Most refits on each side
-SAME = 0.01  # Share of the rms residual by which residuals of the same data differ at most, whatever solver found them
+SAME = 0.1
+"""Share of the rms residual by which residuals of the same data differ at most, however many stages a step has; those
+of other readings differ by more than the residual itself."""
 ROUNDING = 1e-6  # The same as a share of the largest reading, for data that are fitted almost exactly
 
 
@@ -149,7 +151,8 @@ def _were_fitted(parts: Sequence[Part], calibration: Calibration) -> bool:
     residuals, largest = free_run_residuals(calibration.plant, parts), max(np.abs(p.measured).max() for p in parts)
     if residuals is None or residuals.shape != calibration.residuals.shape:
         return False
-    return bool(np.abs(residuals - calibration.residuals).max() <= SAME * calibration.rms + ROUNDING * largest)
+    difference = np.sqrt(np.mean((residuals - calibration.residuals) ** 2))
+    return bool(difference <= SAME * calibration.rms + ROUNDING * largest)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
