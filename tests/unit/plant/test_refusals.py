@@ -195,6 +195,8 @@ PARAMETERS: list[tuple[Callable[[], object], str]] = [
         "mass = 2 kg is out of range: allowed is 1e-06 to 1 kg",
     ),
     (lambda: ParameterSet([MASS, MASS]), "mass is given twice"),
+    (lambda: ParameterSet(["mass"]), "'mass' is not a Parameter"),
+    (lambda: ParameterSet(3), "parameters is 3: give a tuple of parameters"),
     *(
         (lambda wrong=wrong: PLANT.with_effects(wrong), "is not an effect: give effects one by one")
         for wrong in ("creep", Creep, [Creep()])
