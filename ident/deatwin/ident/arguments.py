@@ -25,6 +25,8 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[np.float64]:
         given = np.asarray(values)
     except ValueError:
         raise ModelError(f"{name} must be an array of real numbers; its rows differ in length") from None
+    if np.ma.is_masked(values):
+        raise ModelError(f"{name} has masked values: leave them out")
     if given.dtype.kind not in "iuf":
         raise ModelError(f"{name} must be real numbers; got {_OTHERS.get(given.dtype.kind, 'other objects')}")
     return read_only(given)

@@ -13,7 +13,8 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from deatwin.plant.errors import DataError
+from deatwin.plant.arrays import require_seed
+from deatwin.plant.errors import ModelError
 from deatwin.plant.interrupts import ignore_interrupts, interrupts_held
 
 Result = TypeVar("Result")
@@ -46,12 +47,18 @@ def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
 
     Raises
     ------
-    DataError
-        If the seed is not a valid seed.
+    ModelError
+        If the seed is not an integer of at least 0.
     """
-    if seed < 0:
-        raise DataError(f"a seed of {seed} seeds nothing: give 0 or more")
+    require_seed(seed)
     return [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(count)]
+
+
+def require_workers(workers: Any) -> None:
+    """Raise ModelError for anything but a number of worker processes, or -1 for one on each core."""
+    is_whole = isinstance(workers, int | np.integer) and not isinstance(workers, bool)
+    if not is_whole or (workers < 1 and workers != -1):
+        raise ModelError(f"{workers!r} worker processes: give an integer of at least 1, or -1 for all cores")
 
 
 def run_jobs(
@@ -107,8 +114,7 @@ def jobs_as_they_end(
     function: Callable[..., Result], jobs: Iterable[tuple[Any, ...]], *, workers: int = 1
 ) -> Generator[tuple[int, Result], None, None]:
     """Call a function once per tuple of arguments; yield number and result of each call when it ends."""
-    if workers < 1 and workers != -1:
-        raise DataError(f"{workers} worker processes do nothing: give 1 or more, or -1 for all cores")
+    require_workers(workers)
     tasks = list(jobs)
     if workers == 1 or not tasks:
         for number, task in enumerate(tasks):

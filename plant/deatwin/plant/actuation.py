@@ -14,13 +14,12 @@ from deatwin.plant.branch import branch_step, followed
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError, SimulationError
+from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.rest import RestState, rest_state
 from deatwin.plant.rest_path import held_rest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from deatwin.plant.model import Plant
 
 
 HALVINGS = 40
@@ -145,9 +144,12 @@ def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:
     ------
     DataError
         If the commands are not one row of finite numbers that rise.
+    ModelError
+        If there is no plant.
     SimulationError
         If the plant has no state of rest.
     """
+    require_plant(plant, "an actuation curve")
     equations, values, start = plant.equations, plant.free_values, plant.rig.start.rest_command
     wanted = real_numbers(commands, "commands")
     if wanted.ndim != 1 or wanted.size == 0 or not np.all(np.isfinite(wanted)):

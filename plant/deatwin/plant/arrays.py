@@ -66,3 +66,9 @@ def require_generator(rng: object) -> None:
     """Raise ModelError for anything but a generator of NumPy, such as a seed."""
     if not isinstance(rng, np.random.Generator):
         raise ModelError(f"rng = {rng!r}; it must be a numpy.random.Generator, as numpy.random.default_rng(0)")
+
+
+def require_seed(seed: object) -> None:
+    """Raise ModelError for anything but an integer of at least 0."""
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
+        raise ModelError(f"seed = {seed!r}; it must be an integer of at least 0")

@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from deatwin.plant.arrays import require_seed
 from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.charge_injection import ChargeInjection
@@ -191,6 +192,11 @@ def fleet(seed: int = 0) -> tuple[Actuator, ...]:
     tuple of Actuator
         Six actuators, ``DEA 1`` to ``DEA 6``.
 
+    Raises
+    ------
+    ModelError
+        If the seed is not an integer of at least 0.
+
     References
     ----------
     W. R. Jacobs, "Identification and Frequency Response Analysis with Application to Soft Smart Actuators",
@@ -201,6 +207,7 @@ def fleet(seed: int = 0) -> tuple[Actuator, ...]:
     >>> [actuator.name for actuator in fleet()]
     ['DEA 1', 'DEA 2', 'DEA 3', 'DEA 4', 'DEA 5', 'DEA 6']
     """
+    require_seed(seed)
     return tuple(
         Actuator(
             name=f"DEA {number}",

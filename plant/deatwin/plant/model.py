@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -13,7 +13,7 @@ import numpy as np
 
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.checks import experiment_for
-from deatwin.plant.effects.base import Effect
+from deatwin.plant.effects.base import Effect, require_effects
 from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.effects.places import everywhere
 from deatwin.plant.equations import STAGES, Equations
@@ -70,13 +70,7 @@ class Plant:
 
     def __post_init__(self) -> None:
         require_usable(self.rig)
-        if not isinstance(self.effects, Iterable):
-            raise RigError(f"effects is {self.effects!r}: give a tuple of effects, as (Creep(),)")
-        effects = tuple(self.effects)
-        for effect in effects:
-            if not isinstance(effect, Effect):
-                given = effect.__name__ if isinstance(effect, type) else repr(effect)
-                raise RigError(f"{given} is not an effect: give effects one by one, each as an object such as Creep()")
+        effects = require_effects(self.effects)
         if not isinstance(self.stages, int) or self.stages < 1:
             raise RigError(f"stages is {self.stages!r}: an implicit step needs a whole number of them, at least 1")
         # Sorted, so that effects given in any order make the same plant.

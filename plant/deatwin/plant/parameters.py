@@ -135,12 +135,16 @@ class ParameterSet(Mapping[str, Parameter]):
     Raises
     ------
     RigError
-        If a name occurs twice.
+        If something is not a parameter, or a name occurs twice.
     """
 
     def __init__(self, parameters: Iterable[Parameter]) -> None:
+        if not isinstance(parameters, Iterable):
+            raise RigError(f"parameters is {parameters!r}: give a tuple of parameters")
         self._items: dict[str, Parameter] = {}
         for parameter in parameters:
+            if not isinstance(parameter, Parameter):
+                raise RigError(f"{parameter!r} is not a Parameter")
             if parameter.name in self._items:
                 raise RigError(f"parameter {parameter.name} is given twice")
             self._items[parameter.name] = parameter

@@ -88,6 +88,9 @@ class Recording:
                 _require_finite(name, row)
             for what, checked in (("s", values), ("_names", names), ("_units", units)):
                 object.__setattr__(self, f"{kind}{what}", checked)
+        for what in ("extras", "extra_units", "provenance"):
+            if not isinstance(given := getattr(self, what), Mapping):
+                raise DataError(f"{what} must be a mapping of names to values; got a {type(given).__name__}")
         extras = {
             name: read_only(real_numbers(values, f'extra channel "{name}"')) for name, values in self.extras.items()
         }
@@ -165,9 +168,9 @@ class Recording:
             output_names=names_out,
             input_units=units_in,
             output_units=units_out,
-            extras=dict(extras or {}),  # type: ignore[arg-type]  # the class makes arrays of them
-            extra_units=extra_units or {},
-            provenance=provenance or {},
+            extras={} if extras is None else extras,  # type: ignore[arg-type]  # the class makes arrays of them
+            extra_units={} if extra_units is None else extra_units,
+            provenance={} if provenance is None else provenance,
         )
 
     @property

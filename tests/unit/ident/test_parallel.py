@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_info
 
 from deatwin.ident.mismatch import diagnose, plan_experiment
 from deatwin.ident.parallel import jobs_as_they_end, run_jobs, spawn_generators, stream_jobs
-from deatwin.plant import DataError, Diaphragm, Plant, Recording
+from deatwin.plant import Creep, Diaphragm, ModelError, Plant, Recording, RigError
 
 
 def draw(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -144,15 +144,36 @@ def test_an_interrupt_ends_workers_that_are_still_starting_without_a_word_of_the
     assert said.rstrip().endswith("KeyboardInterrupt")
 
 
-@pytest.mark.parametrize("workers", [0, -2])
+@pytest.mark.parametrize("workers", [0, -2, 1.5, None, "a", True])
 def test_a_number_of_workers_that_there_cannot_be_is_refused(workers):
-    with pytest.raises(DataError, match=f"^{workers} worker processes do nothing: .* -1 for all cores"):
+    with pytest.raises(ModelError, match=f"^{workers!r} worker processes: .* -1 for all cores"):
         run_jobs(int, [("1",)], workers=workers)
 
 
-def test_a_seed_below_zero_is_refused():
-    with pytest.raises(DataError, match="a seed of -1 seeds nothing: give 0 or more"):
-        spawn_generators(-1, 2)
+@pytest.mark.parametrize("seed", [-1, 1.5, None, "a", True, np.random.default_rng(0)])
+def test_a_seed_is_an_integer_of_at_least_zero(seed):
+    with pytest.raises(ModelError, match=r"seed = .*; it must be an integer of at least 0"):
+        spawn_generators(seed, 2)
+
+
+@pytest.mark.parametrize("started", [diagnose, plan_experiment])
+@pytest.mark.parametrize(
+    ("wrong", "error", "message"),
+    [
+        ({"seed": None}, ModelError, "seed = None"),
+        ({"seed": 1.5}, ModelError, "seed = 1.5"),
+        ({"jobs": "a"}, ModelError, "'a' worker processes"),
+        ({"jobs": 1.5}, ModelError, "1.5 worker processes"),
+        ({"effects": "creep"}, RigError, "give a tuple of effects"),
+        ({"effects": Creep()}, RigError, "give a tuple of effects"),
+        ({"effects": ["creep"]}, RigError, "'creep' is not an effect: .*effect_named"),
+        ({"effects": [Creep]}, RigError, "Creep is not an effect"),
+    ],
+)
+def test_arguments_are_checked_before_the_work(started, wrong, error, message):
+    recording = Recording.from_arrays(np.linspace(1.0, 2.0, 500), np.zeros(500), 0.02)
+    with pytest.raises(error, match=message):
+        started(Plant(rig=Diaphragm()), recording, **wrong, progress=lambda share, text: pytest.fail("it began"))
 
 
 class Begun(Exception):

@@ -29,6 +29,8 @@ from deatwin.plant import (
     Roll,
     Scale,
     Stack,
+    actuation_curve,
+    draw_rig,
     fleet,
     resample,
 )
@@ -46,6 +48,7 @@ from deatwin.plant.excitation import (
     triangles,
     with_alternating_polarity,
 )
+from deatwin.plant.export import plant_source
 from deatwin.plant.laws import Formula
 
 H = 0.02
@@ -158,6 +161,12 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         lambda: arrays(np.ones(5), np.ones(5), 1.0, extras={"force": np.ones(3)}),
         r'channel "force" has the shape \(3,\)',
     ),
+    *(
+        (lambda kind=kind: arrays(np.ones(5), np.ones(5), 1.0, **{kind: ["K"]}), f"{kind} must be a mapping of names")
+        for kind in ("extras", "extra_units", "provenance")
+    ),
+    *((lambda time=time: noise(time), "duration must be one number, in s") for time in (None, "long", [1.0, 2.0])),
+    (lambda: noise(10.0, None), "sample_time must be one number, in s"),
     (lambda: Experiment(recordings=(ramp(), ramp(start=1.5))), "overlap between 1.5 s and 2 s.*--experiment"),
     (lambda: Experiment(recordings=(ramp(), ramp(9.0, 0.01))), "sample times 0.02 s and 0.01 s"),
     (
@@ -189,6 +198,8 @@ PARAMETERS: list[tuple[Callable[[], object], str]] = [
         "mass = 2 kg is out of range: allowed is 1e-06 to 1 kg",
     ),
     (lambda: ParameterSet([MASS, MASS]), "mass is given twice"),
+    (lambda: ParameterSet(["mass"]), "'mass' is not a Parameter"),
+    (lambda: ParameterSet(3), "parameters is 3: give a tuple of parameters"),
     *(
         (lambda wrong=wrong: PLANT.with_effects(wrong), "is not an effect: give effects one by one")
         for wrong in ("creep", Creep, [Creep()])
@@ -196,16 +207,37 @@ PARAMETERS: list[tuple[Callable[[], object], str]] = [
     (lambda: PLANT.with_effects(Creep(), Creep(time=3.0)), "has the effect creep twice"),
     (lambda: Plant(rig=Planar(), effects=Creep()), "give a tuple of effects"),
     (lambda: Plant(rig=Planar), "Planar is not a rig: give an object"),
-    (lambda: Plant(rig=Planar(sample_time=np.nan)), "sample_time is nan; it must be a number above 0"),
-    (lambda: Plant(rig=Planar(sample_time=0.0)), "sample_time is 0.0; it must be a number above 0"),
-    (lambda: Plant(rig=Planar(noise=-1.0)), "noise .* is -1.0; it must be a number above 0"),
+    *(
+        (lambda chain=chain: Plant(rig=Disc(chain=chain)), "chain is .*; it must be a MeasuringChain")
+        for chain in ("a", 3)
+    ),
+    (lambda: Plant(rig=Disc(supply=2.0)), "supply is 2.0; it must be a Supply"),
+    *(
+        (lambda one=one: Plant(rig=Disc(further=one)), "further is .*; it must be a tuple of Reading")
+        for one in (None, "a")
+    ),
+    *(
+        (lambda film=film, name=name, wrong=wrong: film(**{name: wrong}), f"rig.{name} is .*; it must be")
+        for film, name in (
+            (Disc, "frame_radius"),
+            (Cone, "snap_reach"),
+            (BowTie, "stations"),
+            (Roll, "spring_rate"),
+            (Diaphragm, "elements"),
+        )
+        for wrong in (None, "a", [], -1.0, 1j)
+    ),
+    *((lambda wrong=wrong: draw_rig(wrong), "is not a rig: give the rig of a plant") for wrong in (None, PLANT)),
+    (lambda: Plant(rig=Planar(sample_time=np.nan)), "rig.sample_time is nan; it must be from 1e-06"),
+    (lambda: Plant(rig=Planar(sample_time=0.0)), "rig.sample_time is 0; it must be from 1e-06"),
+    (lambda: Plant(rig=Planar(noise=-1.0)), "rig.noise is -1; it must be from 0"),
     (lambda: Plant(rig=Planar(reading="start of hold")), "reading is 'start of hold'; it must be one of"),
     (
         lambda: Plant(rig=Planar(command_range=(5.0, 1.0))),
         r"command_range is \(5.0, 1.0\); it must be the lower end and then the upper one",
     ),
-    (lambda: Plant(rig=Disc(start_hold=-1.0)), "hold of the start is -1.0; it must be a number of at least 0"),
-    (lambda: Plant(rig=Disc(start_ramp=np.inf)), "ramp of the start is inf"),
+    (lambda: Plant(rig=Disc(start_hold=-1.0)), "rig.start_hold is -1; it must be from 0"),
+    (lambda: Plant(rig=Disc(start_ramp=np.inf)), "rig.start_ramp is inf"),
     *(
         (lambda s=s: Parameter(name="x", value=1.0, unit="1", lower=0.0, upper=2.0, scale=s), "above 0")
         for s in (Scale.LOGARITHMIC, Scale.RECIPROCAL)
@@ -297,3 +329,15 @@ def test_parameters_of_an_energy_have_the_names_of_its_arguments_in_any_order() 
 def test_numbers_that_are_none(use: Callable[[], object], says: str) -> None:
     with pytest.raises((RigError, DataError), match=says):
         use()
+
+
+@pytest.mark.parametrize("take", [partial(actuation_curve, commands=[1.0]), plant_source])
+def test_a_rig_is_no_plant(take: Callable[[object], object]) -> None:
+    with pytest.raises(ModelError, match="needs a Plant, not a Disc"):
+        take(Disc())
+
+
+@pytest.mark.parametrize("seed", [None, 1.5, "a", -1, True, RNG])
+def test_a_seed_is_an_integer_of_at_least_zero(seed):
+    with pytest.raises(ModelError, match="it must be an integer of at least 0"):
+        fleet(seed)

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from deatwin.ident.arguments import positive, real_number, whole_number
 from deatwin.ident.greybox.covariance import RANK, covariance
 from deatwin.ident.greybox.minimum import CLOSE, EVALUATIONS, Interrupted, minimise, settled_at
 from deatwin.ident.greybox.parts import Records, parts_of
@@ -22,12 +23,10 @@ from deatwin.ident.greybox.watch import Progress, Watch, unwatched
 from deatwin.ident.greybox.wording import described, known_together
 from deatwin.plant.arrays import texts
 from deatwin.plant.calibrated import TWO_SIDED_95
-from deatwin.plant.checks import check_units
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
 from deatwin.plant.errors import DataError, ModelError, nearest
-from deatwin.plant.model import Plant
+from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.parameters import Parameter
-from deatwin.plant.recording import label
 
 REMAINING = 10.0
 """Multiple of the tolerance that a linear model may still remove from the squared residual of a settled fit, as a
@@ -279,18 +278,22 @@ def calibrate(
     Raises
     ------
     DataError
-        If there is no recording, one is in another unit than the plant, a name is not that of a free parameter or given
-        twice, or the number of starts or of evaluations is less than 1.
+        If there is no recording, one is in another unit than the plant, or a name is not that of a free parameter or
+        given twice.
+    ModelError
+        If there is no plant, `starts` or `evaluations` is not an integer of at least 1, `tolerance` is not positive, or `hopeless` is not
+        a number.
 
     References
     ----------
     Ljung, System Identification (1999), section 5.5; Branch, Coleman & Li, SIAM J. Sci. Comput. 21 (1999) 1,
     doi:10.1137/S1064827595289108.
     """
-    if starts < 1:
-        raise DataError(f"starts = {starts}: a calibration needs at least one")
-    if evaluations < 1:
-        raise DataError(f"evaluations = {evaluations}: a fit needs at least one simulation")
+    whole_number(starts, "starts")
+    whole_number(evaluations, "evaluations")
+    real_number(hopeless, "hopeless")
+    if tolerance is not None:
+        positive(tolerance, "tolerance")
     problem = _problem(plant, records, names, unwatched() if progress is None else Watch(progress))
     try:
         return _calibrated(problem, starts, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless)
@@ -318,10 +321,7 @@ def descend(
 
 
 def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch: Watch) -> Problem:
-    if not isinstance(plant, Plant):
-        raise DataError(
-            f"a calibration needs a Plant, not a {type(plant).__name__}: make one of a rig with Plant(rig=...)"
-        )
+    require_plant(plant, "a calibration")
     chosen = tuple(plant.parameters.free) if names is None else texts(names)
     if names is not None and not chosen:
         raise DataError("no name of a parameter to fit is given; leave names out to fit all that are free")
@@ -333,12 +333,7 @@ def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch:
                 "is known" if name in plant.parameters else f"is not a parameter{nearest(name, plant.parameters.free)}"
             )
             raise DataError(f"{name} {why}; parameters that can be fitted: {', '.join(plant.parameters.free)}")
-    parts = parts_of(records, plant.rig)
-    for recording in (recording for part in parts for recording in part.experiment.recordings):
-        check_units(recording, plant.rig)
-        if not len(recording.outputs):
-            raise DataError(f"{label(recording)}: it has no output, so there is nothing to calibrate the plant to")
-    return Problem(plant=plant, parts=parts, names=chosen, watch=watch)
+    return Problem(plant=plant, parts=parts_of(records, plant.rig), names=chosen, watch=watch)
 
 
 def _calibrated(

@@ -14,12 +14,12 @@ from scipy.special import gammaincinv
 from deatwin.ident.greybox.covariance import white_variances
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.minimum import EVALUATIONS
-from deatwin.ident.greybox.parts import Part, Records, parts_of
+from deatwin.ident.greybox.parts import Part, Records, free_run_residuals, parts_of
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.survey import held
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new
-from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.errors import DataError, ModelError, nearest
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -32,6 +32,10 @@ LEVEL = 0.95
 LIMIT = 2 * float(gammaincinv(0.5, LEVEL))  # Quantile at this level of the chi-squared law with one degree of freedom
 CLOSE = 0.02  # Tolerance of the deviance at an end of the interval, relative to the limit
 MOST_POINTS = 6  # Most refits on each side
+SAME = 0.1
+"""Share of the rms residual by which residuals of the same data differ at most, however many stages a step has; those
+of other readings differ by more than the residual itself."""
+ROUNDING = 1e-6  # The same as a share of the largest reading, for data that are fitted almost exactly
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,7 +119,7 @@ def profile(calibration: Calibration, records: Records, name: str) -> Profile:
     ModelError
         If the parameter was not fitted.
     DataError
-        If the data are of another kind.
+        If the data are not those of the calibration.
 
     References
     ----------
@@ -125,6 +129,8 @@ def profile(calibration: Calibration, records: Records, name: str) -> Profile:
     if name not in calibration.names:
         raise ModelError(f"{name!r} was not fitted{nearest(name, calibration.names)}")
     parts = parts_of(records, calibration.plant.rig)
+    if not _were_fitted(parts, calibration):
+        raise DataError("these are not the data that were calibrated: give calibrate and profile the same recordings")
     sides = [_side(calibration, parts, name, sign) for sign in (-1, 1)]
     parameter = calibration.plant.parameters[name]
     points = {parameter.value: 0.0, **sides[0].tried, **sides[1].tried}
@@ -138,6 +144,15 @@ def profile(calibration: Calibration, records: Records, name: str) -> Profile:
         high=ends[1].end,
         bounded=(ends[0].bounded, ends[1].bounded),
     )
+
+
+def _were_fitted(parts: Sequence[Part], calibration: Calibration) -> bool:
+    """Return whether parts have, but for rounding, the residuals of a calibration."""
+    residuals, largest = free_run_residuals(calibration.plant, parts), max(np.abs(p.measured).max() for p in parts)
+    if residuals is None or residuals.shape != calibration.residuals.shape:
+        return False
+    difference = np.sqrt(np.mean((residuals - calibration.residuals) ** 2))
+    return bool(difference <= SAME * calibration.rms + ROUNDING * largest)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from deatwin.plant.checks import experiment_for
+from deatwin.plant.checks import check_units, experiment_for
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.timeline import Timeline
 
@@ -162,13 +162,18 @@ def first_only(parts: Sequence[Part]) -> tuple[Part, ...]:
 
 
 def parts_of(records: Records, rig: Rig) -> tuple[Part, ...]:
-    """Return all samples that count as parts; those of further readings come last."""
+    """Return all samples that count as parts, those of further readings last; DataError if a rig does not suit them."""
     listed = tuple(records) if isinstance(records, Iterable) else (records,)
     if not listed:
         raise DataError("no recording is given: a calibration needs at least one")
     whole = iter(whole_parts([experiment_for(rig, one) for one in listed if not isinstance(one, Part)], rig))
     given = [one if isinstance(one, Part) else next(whole) for one in listed]
-    return (*given, *whole)
+    parts = (*given, *whole)
+    for recording in (recording for part in parts for recording in part.experiment.recordings):
+        check_units(recording, rig)
+        if not len(recording.outputs):
+            raise DataError(f"{label(recording)}: it has no output, so there is nothing to calibrate the plant to")
+    return parts
 
 
 def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from deatwin.ident.materials.notes import ODDS, notes_of, on_permittivity
 from deatwin.ident.materials.observations import Observations
 from deatwin.ident.materials.result import CalibratedMaterial, Choice
 from deatwin.ident.materials.section import section_of, stated_energy
+from deatwin.ident.materials.testfile import MaterialTests
 from deatwin.ident.materials.tests import MaterialTest
 from deatwin.plant.errors import DataError
 from deatwin.plant.laws.energies import yeoh
@@ -66,14 +67,14 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
     Raises
     ------
     DataError
-        If the tests do not determine the parameters of any energy.
+        If there are no tests, something is not a `MaterialTest`, or the tests do not determine the parameters of any
+        energy.
     RigError
         If `about` has mistakes.
     """
-    if not tests:
-        raise DataError("no tests: a material needs one test or more")
+    listed = _listed(tests)
     own = stated_energy(about or {})
-    data = Observations.of(tests)
+    data = Observations.of(listed)
     chosen = _choose(data, own)
     quantities, covariance = _intervals(data, chosen)
     section = section_of(about or {}, chosen.fit, quantities)
@@ -86,10 +87,24 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
         noise=chosen.noise,
         choices=chosen.choices,
         notes=(*said, *on_permittivity(about or {}, material)),
-        tests=tuple(tests),
+        tests=listed,
         data=data,
         modelled=chosen.fit.modelled,
     )
+
+
+def _listed(tests: Sequence[MaterialTest]) -> tuple[MaterialTest, ...]:
+    """Return tests as a tuple; DataError if there are none, or one cannot be used."""
+    listed = tuple(tests) if isinstance(tests, Iterable) else (tests,)
+    if not listed:
+        raise DataError("no tests: a material needs one test or more")
+    for test in listed:
+        if not isinstance(test, MaterialTest):
+            hint = ": give its field tests" if isinstance(test, MaterialTests) else ""
+            raise DataError(f"tests must be a list of MaterialTest; got a {type(test).__name__}{hint}")
+        if not test.is_dma and not np.any(test.stress):
+            raise DataError(f"{test.name}: the stress is zero throughout")
+    return listed
 
 
 def _choose(data: Observations, own: EnergyStart | str | None) -> _Chosen:

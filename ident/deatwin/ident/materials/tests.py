@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.materials.flow import STRETCHES
+from deatwin.plant.arrays import real_numbers
 from deatwin.plant.errors import DataError, nearest
 
 Array = NDArray[np.float64]
@@ -73,18 +74,22 @@ class MaterialTest:
         object.__setattr__(self, "specimen", self.specimen or self.name)
         names: tuple[str, ...] = ("frequencies", "storage", "loss") if self.is_dma else ("stretch", "stress")
         names += ("times",) if self.times is not None and not self.is_dma else ()
-        arrays = {name: np.array(getattr(self, name), dtype=float) for name in names}
+        arrays = {name: self._numbers(name) for name in names}
         shapes = {values.shape for values in arrays.values()}
-        if len(shapes) != 1 or len(*shapes) != 1 or (count := next(iter(shapes))[0]) < FEWEST:
+        if len(shapes) != 1 or len(*shapes) != 1 or next(iter(shapes))[0] < FEWEST:
             raise DataError(f"{self.name}: a {self.kind} test needs {_listed(names)} of one length, {FEWEST} or more")
         if self.is_dma:
-            arrays["stretch"] = np.array(float(np.asarray(self.stretch, dtype=float).ravel()[0]))
+            arrays["stretch"] = self._numbers("stretch")
+            if arrays["stretch"].ndim:
+                raise DataError(f"{self.name}: a dma test has one mean stretch, a number")
         self._require_sound(arrays)
         for name, values in arrays.items():
             values.setflags(write=False)
             object.__setattr__(self, name, values)
-        if not self.is_dma and self.times is not None and count and float(np.ptp(arrays["times"])) == 0.0:
-            raise DataError(f"{self.name}: all times are equal")
+
+    def _numbers(self, name: str) -> Array:
+        """Return a field as an array of its own."""
+        return np.array(real_numbers(getattr(self, name), f"{self.name}: {name}"))
 
     def _require_sound(self, arrays: dict[str, Array]) -> None:
         """Raise an error for impossible values."""

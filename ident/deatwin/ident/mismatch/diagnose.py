@@ -35,8 +35,8 @@ from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, 
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.ident.mismatch.verify.standing import first_that_stands
 from deatwin.ident.mismatch.verify.verification import Verification
-from deatwin.ident.parallel import one_thread, spawn_generators
-from deatwin.plant.effects.base import Effect
+from deatwin.ident.parallel import one_thread, require_workers, spawn_generators
+from deatwin.plant.effects.base import Effect, require_effects
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
@@ -81,11 +81,19 @@ def diagnose(
 
     Raises
     ------
-    DataError, ModelError
+    DataError
         If the recordings cannot be used at all.
+    ModelError
+        If there is no plant, there are too few samples for its parameters, or the seed or the number of processes is
+        unusable.
+    RigError
+        If one of the given effects is not an `Effect`.
     SimulationError
         If the plant cannot be simulated on the recordings.
     """
+    require_workers(jobs)
+    for_detection, for_location, for_verification, for_advice, for_discovery, for_rest = spawn_generators(seed, 6)
+    effects = None if effects is None else require_effects(effects)
     tell = progress or (lambda share, text: None)
 
     def keep(step: Step | None) -> None:
@@ -95,7 +103,6 @@ def diagnose(
     tell(0.0, "checking the recordings")
     checked = check_quality(plant, experiments)
     keep(quality_step(checked))
-    for_detection, for_location, for_verification, for_advice, for_discovery, for_rest = spawn_generators(seed, 6)
 
     tell(0.02, "calibrating the model")
     problem, base = prepare(plant, checked, effects, jobs=jobs)

@@ -16,9 +16,8 @@ from deatwin.ident.mismatch.quality.noise import noise_level, noise_levels
 from deatwin.ident.mismatch.quality.quality import DataQuality, by_experiment, split
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base, enough_stages
 from deatwin.ident.soundness import noise_of_bends
-from deatwin.plant.effects.base import Alone, Effect
+from deatwin.plant.effects.base import Alone, Effect, require_effects
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
-from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.readings import Reading
 from deatwin.plant.rigs.base import Rig
@@ -56,12 +55,12 @@ def prepare(
 
     Raises
     ------
-    ModelError
+    RigError
         If one of the given effects is not an `Effect`.
     SimulationError
         If the plant cannot be simulated on the recordings.
     """
-    known = plant.rig.effects() if effects is None else _at_sizes_of(plant.rig, _checked(effects))
+    known = plant.rig.effects() if effects is None else _at_sizes_of(plant.rig, require_effects(effects))
     problem = _problem_of(plant, checked, known, jobs)
     base = calibrate_base(problem)
     noisier = _noisier(base, problem)
@@ -83,15 +82,6 @@ def prepare(
     stages = enough_stages(problem, base)
     nominal = replace(with_model_error(problem.nominal, error), stages=stages)
     return replace(problem, nominal=nominal), base.with_stages(stages)
-
-
-def _checked(effects: Sequence[Effect]) -> Sequence[Effect]:
-    for place, effect in enumerate(effects):
-        if not isinstance(effect, Effect):
-            raise ModelError(
-                f"effects[{place}] is {effect!r}, not an Effect: deatwin.plant.effect_named gives one by its name"
-            )
-    return effects
 
 
 def _at_sizes_of(rig: Rig, effects: Sequence[Effect]) -> Sequence[Effect]:

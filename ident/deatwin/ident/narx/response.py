@@ -88,8 +88,9 @@ class NarxResponse(Described):
 
     @property
     def rms_error(self) -> float:
-        """Root mean square of the residuals of all outputs, in the recording's unit."""
-        return float(np.sqrt(np.mean(self.residuals**2)))
+        """Root mean square of the residuals of the first output and all others in its unit, in this unit."""
+        alike = [row for row, unit in enumerate(self.units) if unit == self.units[0]]
+        return float(np.sqrt(np.mean(self.residuals[alike] ** 2)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw measured and computed outputs over time, on `ax` or new axes."""

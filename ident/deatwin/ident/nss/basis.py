@@ -90,6 +90,8 @@ class Basis:
         return np.array(found, dtype=np.int64)
 
     def _parsed(self, text: str) -> Term:
+        if not isinstance(text, str):
+            raise ModelError(f"the term {text!r} must be text, such as x1^2 or |x2|")
         factors = []
         for word in text.split():
             word = re.sub(r"^\|(.*)\|$", r"abs(\1)", word)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import product
@@ -95,7 +95,9 @@ class Cascade(StateSpaceIdentifier):
             raise ModelError(f"structure = {self.structure!r}; it must be one of {', '.join(Structure)}")
         if self.structure == Structure.WIENER_HAMMERSTEIN and self.states < 2:
             raise ModelError(f"states = {self.states}; two linear blocks need at least 2")
-        if wrong := [text for text in self.shape if not _SIGNAL.search(text)]:
+        if isinstance(self.shape, str) or not isinstance(self.shape, Iterable):
+            raise ModelError(f'shape = {self.shape!r}; give a list, as ["v^2", "|v|"]')
+        if wrong := [term for term in self.shape if not (isinstance(term, str) and _SIGNAL.search(term))]:
             raise ModelError(f"the term {wrong[0]!r} of a static function must hold v, as v^2 or sat(v,1)")
 
     def _needed(self, record: Recording) -> int:

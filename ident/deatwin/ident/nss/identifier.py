@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import whole_number
+from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.look.best_linear import best_linear_approximation
 from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
@@ -108,7 +108,7 @@ class StateSpaceIdentifier(Identifier):
     def _require_whole(self, *names: str) -> None:
         for name in (*names, "max_steps"):
             whole_number(getattr(self, name), name)
-        if not 0.0 <= self.held_out < 1.0:
+        if not 0.0 <= real_number(self.held_out, "held_out") < 1.0:
             raise ModelError(f"held_out = {self.held_out}; it must be at least 0 and below 1")
 
     def _searched(self, starts: Sequence[Point], records: Sequence[Record], told: Progress) -> tuple[Point, Found]:

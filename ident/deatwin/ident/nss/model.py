@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.arguments import read_only
+from deatwin.ident.arguments import read_only, real_numbers, whole_number
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.posterior import quantile
@@ -249,8 +249,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
         """Predict a `recording` by its free run, which is best at any horizon `steps` as noise is on the readings."""
-        if not 0 < steps < recording.n_samples:
-            raise ModelError(f"steps = {steps}; it must be at least 1 and less than the recording's samples")
+        whole_number(steps, "steps", most=recording.n_samples - 1)
         return self.simulate(recording)
 
     def free_run_band(self, recording: Recording, *, warmup: int | None = None, level: float = 0.95) -> PredictiveBand:
@@ -309,8 +308,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         if isinstance(given, Recording) and initial is None and given.output_names:
             require_suits(given, self, with_outputs=True, fewest=2)
             wanted = min(_WARMUP_PER_STATE * n, max(given.n_samples // 3, 1)) if warmup is None else warmup
-            if not 0 < wanted < given.n_samples:
-                raise ModelError(f"warmup = {wanted}; it must leave something of {given.n_samples} samples")
+            wanted = whole_number(wanted, "warmup", most=given.n_samples - 1)
             first = slice(0, wanted)
             noise = np.sqrt(self.noise_variance) / self.output_scale
             inputs, outputs = (
@@ -322,7 +320,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
             raise ModelError("warmup counts recorded outputs, and none are used here: give initial alone")
         if isinstance(given, Recording):
             require_suits(given, self, with_outputs=False, fewest=1)
-        known = np.zeros(n) if initial is None else np.asarray(initial, dtype=np.float64)
+        known = np.zeros(n) if initial is None else real_numbers(initial, "initial")
         if known.shape != (n,) or not np.all(np.isfinite(known)):
             raise ModelError(f"initial has the shape {known.shape}; it must be a finite state of shape ({n},)")
         drive = Drive.of(

@@ -12,6 +12,7 @@ from deatwin.ident.nss.basis import Basis, monomials
 from deatwin.ident.nss.identifier import StateSpaceIdentifier
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.search import Point, Record
+from deatwin.plant.arrays import require_seed
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -105,6 +106,7 @@ class Pnlss(StateSpaceIdentifier):
                 f"a degree of {wrong[0]}; degrees are whole numbers from 2 on, linear terms are always there"
             )
         whole_number(self.directions, "directions", 0)
+        require_seed(self.seed)
 
     def _needed(self, record: Recording) -> int:
         basis, rates, readings = self._basis(len(record.inputs))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from enum import Enum
 from types import MappingProxyType
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from deatwin.plant.errors import RigError
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -210,3 +211,18 @@ class Effect(ABC):
     def own(self, name: str, build: Builder) -> Any:
         """Return the symbol of this effect's parameter in field `name` of the builder `build`."""
         return build.own(f"{self.name}.{name}")
+
+
+def require_effects(effects: object) -> tuple[Effect, ...]:
+    """Return effects as a tuple; RigError for anything else, such as a name or a class."""
+    if not isinstance(effects, Iterable) or isinstance(effects, str):
+        raise RigError(f"effects is {effects!r}: give a tuple of effects, as (Creep(),)")
+    found = tuple(effects)
+    for effect in found:
+        if not isinstance(effect, Effect):
+            given = effect.__name__ if isinstance(effect, type) else repr(effect)
+            raise RigError(
+                f"{given} is not an effect: give effects one by one, each as an object such as Creep() or "
+                'effect_named("creep")'
+            )
+    return found

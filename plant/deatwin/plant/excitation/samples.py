@@ -5,11 +5,13 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.plant.arrays import seconds
 from deatwin.plant.errors import DataError
 
 
 def sample_count(name: str, time: float, sample_time: float) -> int:
     """Return the whole number of samples in a time, `sample_time` s apart; DataError if there is none."""
+    time, sample_time = seconds(time, name), seconds(sample_time, "sample_time")
     samples = time / sample_time if sample_time > 0.0 else 0.0
     n = round(samples) if math.isfinite(samples) else 0
     if n < 1:

@@ -27,7 +27,7 @@ from deatwin.plant.export.archive import compiled, write_fmu
 from deatwin.plant.export.description import Description
 from deatwin.plant.export.plant_step import describe, plant_signals, rest_of
 from deatwin.plant.export.sampled import Signal, require_identifier
-from deatwin.plant.model import Plant
+from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.readings import ROWS
 from deatwin.plant.rest import RestState
 
@@ -66,6 +66,7 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
         If the plant has no state of rest, an effect cannot be exported this way, or CasADi, the FMI headers or a C
         compiler is missing.
     """
+    require_plant(plant, "an export")
     require_identifier(name)
     if not hasattr(ca.DaeBuilder, "export_fmu") or not hasattr(ca.DaeBuilder, "compile_fmu"):
         raise ModelError(f"CasADi {version('casadi')} does not export FMI 3.0; install casadi>=3.8")

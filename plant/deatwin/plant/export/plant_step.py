@@ -15,7 +15,7 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled, require_identifier, table
 from deatwin.plant.integrator.collocation import step_functions
 from deatwin.plant.integrator.newton import SETTLED
-from deatwin.plant.model import Plant
+from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.readings import ROWS
 from deatwin.plant.rest import RestState, rest_state
 from deatwin.plant.sample import SHORTER_STEPS
@@ -131,6 +131,7 @@ def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
     ModelError
         If the name is not a C identifier, or the plant has no state of rest.
     """
+    require_plant(plant, "an export")
     require_identifier(name)
     rest = rest_of(plant)
     inputs, outputs = plant_signals(plant, rest)

@@ -9,6 +9,7 @@ from math import isfinite
 from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from deatwin.plant.arrays import texts
 from deatwin.plant.builder import Builder
 from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects.base import Effect, Place
@@ -116,6 +117,7 @@ class ForeignRig(Rig):
         if self.further:
             raise RigError("a foreign model gives one reading; leave `further` empty")
         known = ParameterSet(self.parameters)
+        object.__setattr__(self, "varying", texts(self.varying))
         for name in self.varying:
             if name not in known:
                 raise RigError(f"{name} varies, but is not a parameter{nearest(name, known)}")

@@ -13,6 +13,8 @@ from typing import Any
 
 import casadi as ca
 
+from deatwin.plant.errors import ModelError
+
 Symbol = Any  # a CasADi SX, MX, DM or a float
 
 
@@ -133,10 +135,17 @@ def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
     casadi.SX or float
         Energy per reference volume, J/m³.
 
+    Raises
+    ------
+    ModelError
+        If there are no terms, or a modulus has no exponent.
+
     References
     ----------
     Ogden, Proc. R. Soc. Lond. A 326 (1972) 565, doi:10.1098/rspa.1972.0026.
     """
+    if not terms or len(terms) % 2:
+        raise ModelError(f"{len(terms)} terms of an Ogden energy: give pairs of a modulus in Pa and an exponent")
     return sum(
         modulus / exponent * (stretch_1**exponent + stretch_2**exponent + (stretch_1 * stretch_2) ** -exponent - 3)
         for modulus, exponent in zip(terms[::2], terms[1::2], strict=True)

@@ -130,6 +130,10 @@ class Rig(ABC):
     sizes: ClassVar[Sizes | None] = None
     """Sizes at which the catalogue's effects act on this rig, if they differ from the diaphragm's."""
 
+    def __post_init__(self) -> None:
+        if self.has_film:  # other rigs may use the same names for other quantities
+            require_sizes(self)
+
     @property
     def body(self) -> str:
         """Return the name of the moving part in sentences; the diaphragm alone has a ball."""
@@ -297,7 +301,7 @@ def require_reading_time(value: object, error: type[DeatwinError]) -> None:
 
 
 def require_usable(rig: object) -> None:
-    """Raise RigError for anything but a rig whose drive and sensor, and the sizes of whose film, make sense."""
+    """Raise RigError for anything but a rig whose drive and sensor make sense."""
     if not isinstance(rig, Rig):
         given = rig.__name__ if isinstance(rig, type) else repr(rig)
         raise RigError(f"{given} is not a rig: give an object such as Diaphragm()")
@@ -307,6 +311,9 @@ def require_usable(rig: object) -> None:
         ends = tuple(rig.command_range) if isinstance(rig.command_range, Iterable) else ()
         if len(ends) != 2 or not all(isinstance(end, Real) for end in ends) or not ends[0] <= ends[1]:
             raise RigError(f"command_range is {rig.command_range!r}; it must be the lower end and then the upper one")
+    for name, kind in (("chain", MeasuringChain), ("supply", Supply)):
+        if not isinstance(value := getattr(rig, name), kind | None):
+            raise RigError(f"{name} is {value!r}; it must be a {kind.__name__}, or None")
+    if not isinstance(rig.further, tuple) or not all(isinstance(one, Reading) for one in rig.further):
+        raise RigError(f"further is {rig.further!r}; it must be a tuple of Reading")
     rig.readings, rig.start  # noqa: B018  (check noise, model error and times)
-    if rig.has_film:  # other rigs may use the same names for other quantities
-        require_sizes(rig)

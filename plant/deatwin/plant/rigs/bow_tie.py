@@ -82,16 +82,12 @@ class BowTie(FilmActuator):
     kind: ClassVar[str] = "bow_tie"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_sides(self.sides, HELD)
         if self.sides == "free" and self.side_prestretch is not None:
             raise RigError(
                 f"free sides contract by themselves and hold no side_prestretch of {self.side_prestretch:g}: pass "
                 'side_prestretch=None (omit the key in a rig file), or take sides="clamped"'
-            )
-        if self.stations < 1 or not (self.waist_width > 0 and self.bar_width > 0):
-            raise RigError(
-                f"bow-tie of {self.stations} stations, {self.waist_width:g} m at the waist and {self.bar_width:g} m at "
-                "the bars: need at least one station and widths above 0"
             )
 
     @property

@@ -91,13 +91,12 @@ class Cone(FilmActuator):
     """Error of the film's assumed shape, as a share of the motion."""
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.disc_radius < self.frame_radius:
+        super().__post_init__()
+        if not self.disc_radius < self.frame_radius:
             raise RigError(
                 f"a disc of {1e3 * self.disc_radius:g} mm radius does not fit into a ring of "
                 f"{1e3 * self.frame_radius:g} mm"
             )
-        if not self.snap_reach > 0.0:
-            raise RigError(f"a bistable spring reaches {self.snap_reach:g} m to each side: it must be above 0")
 
     @property
     def _outside(self) -> tuple[tuple[str, float, str], ...]:

@@ -116,11 +116,10 @@ class Diaphragm(Rig):
     """Error of the equations for large motion, as a share of the motion. Most of it arises at the highest voltages."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name, known in (("ball", BALLS), ("resolution", RESOLUTIONS)):
             if (value := getattr(self, name)) not in known:
                 raise RigError(f"unknown {name} {value!r}{nearest(value, known)} (known: {', '.join(known)})")
-        if self.elements < 1:
-            raise RigError(f"{self.elements} elements: a film needs at least 1")
 
     @property
     def body(self) -> str:

@@ -88,7 +88,8 @@ class Disc(FilmActuator):
     """Error of the film's assumed shape, as a share of the motion."""
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.electrode_radius < self.frame_radius:
+        super().__post_init__()
+        if not self.electrode_radius < self.frame_radius:
             raise RigError(
                 f"an electrode of {1e3 * self.electrode_radius:g} mm radius does not fit into a ring of "
                 f"{1e3 * self.frame_radius:g} mm"

@@ -79,6 +79,7 @@ class Planar(FilmActuator):
     kind: ClassVar[str] = "planar"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_sides(self.sides, SIDES)
         if self.sides == "equal" and self.across != self.prestretch:
             raise RigError(

@@ -68,6 +68,7 @@ class Roll(FilmActuator):
     kind: ClassVar[str] = "roll"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.spring_rate > 0.0:
             raise RigError(f"a spring of {self.spring_rate:g} N/m cannot hold the film: its rate must be above 0")
 

@@ -89,6 +89,8 @@ def draw_rig(rig: Rig, ax: Axes | None = None) -> Axes:
     RigError
         If there is no drawing for rigs of this kind.
     """
+    if not isinstance(rig, Rig):
+        raise RigError(f"a {type(rig).__name__} is not a rig: give the rig of a plant")
     sketch = _SKETCHES.get(rig.kind)
     if sketch is None:
         raise RigError(f"there is no drawing of a rig of the kind {rig.kind} (there are: {', '.join(_SKETCHES)})")

@@ -258,6 +258,9 @@ def test_models_that_cannot_be_compared_are_refused():
         compare(model_of(TRUE), model_of(TRUE), (1,), ())
     with pytest.raises(ModelError, match="level"):
         compare(model_of(TRUE), model_of(TRUE), (1,), BANDS, level=5.0)
+    for wrong in (("a",), ("a", "a"), "ab", (1, 2), None):
+        with pytest.raises(ModelError, match="give two different names"):
+            compare(model_of(TRUE), model_of(TRUE), (1,), BANDS, names=wrong)
 
 
 # ---- records
@@ -327,5 +330,6 @@ def test_long_names_and_labels_fit_on_the_figure():
 
 
 def test_one_record_cannot_be_compared():
-    with pytest.raises(ModelError, match="at least two"):
-        compare_records({"a": recorded(1)}, TERMS, (1,), BANDS)
+    for wrong in ({"a": recorded(1)}, [recorded(1), recorded(2)], None):
+        with pytest.raises(ModelError, match="at least two"):
+            compare_records(wrong, TERMS, (1,), BANDS)

@@ -195,6 +195,8 @@ def test_what_cannot_be():
             sliding_mean_and_gain(given, 50.0, step_s=step)
     with pytest.raises(ModelError, match="between 0 and 1"):
         sliding_mean_and_gain(given, 50.0, level=95)
+    with pytest.raises(DataError, match="a ndarray is not a recording"):
+        sliding_mean_and_gain(np.ones(400), 50.0)
     with pytest.raises(ModelError, match="window_s must be real numbers; got text"):
         sliding_mean_and_gain(given, "a")
     with pytest.raises(ModelError, match="step_s must be one number"):

@@ -101,6 +101,16 @@ def test_a_profile_takes_the_data_of_the_calibration():
     for records in (part, part.experiment, recording, [recording]):
         found = profile(calibration, records, "gain")
         assert (found.low, found.high) == (of_parts.low, of_parts.high)
+    other = replace(recording, outputs=recording.outputs + 0.1)
+    for wrong in (other, [recording, recording], recording.section(0, 50)):
+        with pytest.raises(DataError, match="not the data that were calibrated"):
+            profile(calibration, wrong, "gain")
+    for wrong, message in (
+        (replace(recording, output_names=("read",), output_units=("mV",)), "is in mV, but the model needs it in V"),
+        (replace(recording, outputs=np.empty((0, 60)), output_names=(), output_units=()), "it has no output"),
+    ):
+        with pytest.raises(DataError, match=message):
+            profile(calibration, wrong, "gain")
 
 
 def test_a_parameter_that_others_can_stand_in_for_is_followed_along_their_valley(monkeypatch):

@@ -95,12 +95,15 @@ def test_recordings_and_experiments_are_taken_as_they_are(turned):
     silent = replace(turned, outputs=np.empty((0, turned.n_samples)), output_names=(), output_units=())
     with pytest.raises(DataError, match="no output"):
         calibrate(plant, silent)
-    with pytest.raises(DataError, match="needs a Plant, not a Rotor"):
+    with pytest.raises(ModelError, match="needs a Plant, not a Rotor"):
         calibrate(plant.rig, turned)
-    with pytest.raises(DataError, match="starts = 0"):
-        calibrate(plant, turned, starts=0)
-    with pytest.raises(DataError, match="evaluations = 0"):
-        calibrate(plant, turned, evaluations=0)
+    for name in ("starts", "evaluations"):
+        for wrong in (0, 2.5, None, "a"):  # two and a half evaluations would never be used up
+            with pytest.raises(ModelError, match=f"{name} = {wrong!r}; it must be an integer of at least 1"):
+                calibrate(plant, turned, **{name: wrong})
+    for name, wrong in (("tolerance", 0.0), ("tolerance", "a"), ("hopeless", None)):
+        with pytest.raises(ModelError, match=f"^{name} "):
+            calibrate(plant, turned, **{name: wrong})
 
 
 def test_names_are_free_parameters_each_given_once(turned):

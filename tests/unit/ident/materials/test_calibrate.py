@@ -10,7 +10,7 @@ from made_coupons import TRUE, gent_pull, held, made_tests
 from public_recordings import recordings
 from scipy.stats import binom
 
-from deatwin.ident.materials import MaterialTest, calibrate_material
+from deatwin.ident.materials import MaterialTest, MaterialTests, calibrate_material
 from deatwin.ident.materials.observations import samples_kept
 from deatwin.plant import DataError, Experiment, Recording, RigError, load_plant
 from deatwin.plant.files import write_csv, write_text_atomic
@@ -157,6 +157,23 @@ def test_what_cannot_be_is_refused() -> None:
         MaterialTest(name="a", kind="tension", times=[0, 1, 1, 2], stretch=stretch[:4], stress=stretch[:4])
     with pytest.raises(DataError, match="stretch at sample 2"):
         MaterialTest(name="a", kind="tension", stretch=[1, -1, 1, 2], stress=stretch[:4])
+    for stress, message in (
+        (stretch + 1j, "a: stress must be an array of real numbers"),
+        (["high"] * 10, "a: stress must be an array of real numbers"),
+        (np.ma.masked_greater(stretch, 1.8), "a: stress at sample 9 must be finite"),  # 1.9
+    ):
+        with pytest.raises(DataError, match=message):
+            MaterialTest(name="a", kind="tension", stretch=stretch, stress=stress)
+    moduli = {"frequencies": stretch, "storage": stretch, "loss": stretch}
+    with pytest.raises(DataError, match="one mean stretch"):
+        MaterialTest(name="a", kind="dma", stretch=stretch, **moduli)
+    with pytest.raises(DataError, match="a: the stress is zero throughout"):
+        calibrate_material([MaterialTest(name="a", kind="tension", stretch=stretch, stress=0.0 * stretch)])
+    with pytest.raises(DataError, match="got a str"):
+        calibrate_material("tests.toml")
+    listed = MaterialTests(tests=(), about={}, files=())
+    with pytest.raises(DataError, match="got a MaterialTests: give its field tests"):
+        calibrate_material(listed)
 
 
 def test_held_stretches_in_a_file(tmp_path: Path) -> None:

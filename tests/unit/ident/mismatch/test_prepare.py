@@ -19,9 +19,9 @@ from deatwin.plant import (
     Diaphragm,
     ElectrodeRC,
     Experiment,
-    ModelError,
     Plant,
     Recording,
+    RigError,
     SensorDrift,
 )
 from deatwin.plant.excitation import band_limited_noise
@@ -129,6 +129,6 @@ def test_the_public_steps_one_by_one_find_what_a_diagnosis_does():
     assert whole.forms[0].unseen == whole.fit.unseen.before
 
 
-def test_what_is_no_effect_is_refused_with_where_it_stands():
-    with pytest.raises(ModelError, match=r"effects\[1\] is 'creep', not an Effect: .*effect_named"):
+def test_what_is_no_effect_is_refused():
+    with pytest.raises(RigError, match=r"'creep' is not an effect: .*effect_named"):
         prepare(NOMINAL, None, [Creep(), "creep"])

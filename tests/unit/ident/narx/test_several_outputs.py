@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Frols, Grow, NarxModel, Semp, SvbNarx
+from deatwin.ident.narx import Frols, Grow, NarxModel, NarxResponse, Semp, SvbNarx
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -103,3 +103,12 @@ def test_products_of_noisy_outputs_are_warned_of(noise, said):
     seen = y + noise * y.std(axis=1, keepdims=True) * rng.normal(size=y.shape)
     notes = Frols().fit(Recording.from_arrays(u, seen, 0.1)).notes_
     assert any("may describe the bias" in note for note in notes) is said
+
+
+def test_an_error_has_one_unit():
+    """Residuals of 3 and 4 m, and of 1000 K: the rms in m is the root of 12.5 m²."""
+    measured = np.array([[3.0], [1000.0], [4.0]])
+    response = NarxResponse(
+        outputs=np.zeros((3, 1)), measured=measured, timepts=np.zeros(1), first=0, units=("m", "K", "m")
+    )
+    assert response.rms_error == pytest.approx(np.sqrt(12.5))

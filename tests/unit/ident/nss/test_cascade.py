@@ -105,6 +105,9 @@ def test_a_function_with_the_letter_of_the_signal_in_its_name_keeps_its_name():
         ({"structure": "LNL", "states": 1}, "at least 2"),
         ({"shape": ["u^2"]}, "must hold v"),
         ({"shape": ["curved(u)"]}, "must hold v"),
+        ({"shape": [3]}, "the term 3 of a static function must hold v"),
+        ({"shape": "v^2"}, "give a list"),
+        ({"shape": None}, "give a list"),
     ],
 )
 def test_what_is_no_cascade_is_refused(arguments, message):

@@ -201,12 +201,31 @@ def test_the_status_says_if_the_error_is_least(arguments, status):
         ({"held_out": 1.0}, "held_out = 1.0"),
         ({"directions": 1}, "no term holds the direction s1"),
         ({"terms": ["x5"]}, "there are x1, x2, u"),
+        ({"terms": [3]}, "the term 3 must be text"),
+        ({"held_out": "a"}, "held_out must be real numbers"),
+        ({"seed": None}, "seed = None; it must be an integer"),  # two fits would differ
         ({"states": 9, "degrees": [2, 3]}, "fitted readings for .* weights"),
     ],
 )
 def test_arguments_that_make_no_sense_are_refused(arguments, message):
     with pytest.raises(ModelError, match=message):
         Pnlss(**arguments).fit(duffing(np.random.default_rng(0), 200))
+
+
+def test_runs_that_make_no_sense_are_refused():
+    record = duffing(np.random.default_rng(0), 200)
+    model = NonlinearStateSpace(terms=["x1^3"], transition=[[0, 0.5, 1, -0.1]], output=[[0, 1, 0, 0]], sample_time=0.1)
+    for wrong, message in (
+        ({"initial": "a"}, "initial must be real numbers; got text"),
+        ({"initial": [1j]}, "initial must be real numbers; got complex numbers"),
+        ({"warmup": 1.5}, "warmup = 1.5; it must be an integer from 1 to 199"),
+        ({"warmup": 200}, "warmup = 200"),
+    ):
+        with pytest.raises(ModelError, match=message):
+            model.simulate(record, **wrong)
+    for steps in (0, 200, 1.5, "a"):
+        with pytest.raises(ModelError, match=f"steps = {steps!r}; it must be an integer from 1 to 199"):
+            model.predict(record, steps=steps)
 
 
 def test_a_constant_signal_is_refused_by_name():

@@ -187,3 +187,7 @@ def test_a_plant_is_saved_by_the_name_of_its_model() -> None:
 def test_a_foreign_rig_needs_its_sizes() -> None:
     with pytest.raises(RigError, match=r"sizes is None; give the typical sizes"):
         ForeignRig(**{**vars(FOREIGN), "sizes": None})
+
+
+def test_one_parameter_that_varies_may_be_given_alone() -> None:
+    assert ForeignRig(**{**vars(FOREIGN), "varying": "drag"}).varying == ("drag",)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from deatwin.plant.errors import ModelError
 from deatwin.plant.laws.energies import (
     arruda_boyce,
     first_invariant,
@@ -81,3 +82,9 @@ def test_beyond_the_limit_neither_energy_nor_stress_has_a_value(energy, values):
     function = ca.Function("f", [stretch], [both, ca.gradient(both, stretch)])
     assert all(np.isfinite(float(part)) for part in function(3.0))
     assert all(np.isnan(float(part)) for part in function(4.5))
+
+
+@pytest.mark.parametrize("terms", [(), (20e3,), (20e3, 1.3, 2e3)])
+def test_a_modulus_of_ogden_needs_an_exponent(terms):
+    with pytest.raises(ModelError, match=f"{len(terms)} terms of an Ogden energy: give pairs"):
+        ogden(1.1, 1.2, *terms)

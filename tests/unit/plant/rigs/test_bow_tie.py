@@ -34,5 +34,5 @@ def test_a_free_strip_of_the_mean_width_has_the_prestretch():
 
 @pytest.mark.parametrize("wrong", [{"sides": "equal"}, {"stations": 0}, {"waist_width": 0.0}])
 def test_it_says_what_it_cannot_be(wrong):
-    with pytest.raises(RigError, match=r"sides|stations"):
+    with pytest.raises(RigError, match=r"sides|stations|waist_width"):
         BowTie(**wrong)

@@ -24,7 +24,7 @@ def test_a_misspelt_form_gets_the_near_one(field, value, near):
 
 
 def test_a_film_without_elements_is_refused():
-    with pytest.raises(RigError, match="at least 1"):
+    with pytest.raises(RigError, match=r"rig\.elements is 0; it must be from 1 "):
         Diaphragm(resolution="fine", elements=0)
 
 

@@ -256,6 +256,9 @@ def compare(
     _require_alike(require_model(first), require_model(second))
     if not real_number(least, "least") >= 0:
         raise ModelError(f"least = {least}; it must be a share of at least 0")
+    are_texts = isinstance(names, tuple | list) and all(isinstance(name, str) for name in names)
+    if not are_texts or len(names) != 2 or names[0] == names[1]:
+        raise ModelError(f"names = {names!r}; give two different names")
     where = operating_input
     if where is None:
         where = (operating_input_of(first, None) + operating_input_of(second, None)) / 2

@@ -115,8 +115,8 @@ def compare_records(
     ModelError
         If there are fewer than two records or they are too short, or for the reasons given in `Fixed` and `band_means`.
     """
-    if len(recordings) < 2:
-        raise ModelError(f"{len(recordings)} record was given: a comparison needs at least two")
+    if not isinstance(recordings, Mapping) or len(recordings) < 2:
+        raise ModelError("a comparison needs the recordings of at least two actuators, by their names")
     several, n_slow, level = whole_orders(orders), whole_number(n_slow, "n_slow"), probability(level)
     models = {name: Fixed(terms=terms).fit(given).model_ for name, given in recordings.items()}
     where = operating_input if operating_input is not None else _centre(tuple(models.values()))

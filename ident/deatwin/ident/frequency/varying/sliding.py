@@ -169,6 +169,10 @@ def sliding_mean_and_gain(
     """
     from scipy.stats import t
 
+    if not isinstance(recording, Recording):
+        raise DataError(
+            f"a {type(recording).__name__} is not a recording: make one of arrays with Recording.from_arrays"
+        )
     if recording.inputs.shape[0] != 1 or recording.outputs.shape[0] != 1:
         raise DataError(
             f"the recording has {recording.inputs.shape[0]} inputs and {recording.outputs.shape[0]} outputs; mean and "

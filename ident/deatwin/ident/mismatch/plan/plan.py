@@ -21,9 +21,10 @@ from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors, tak
 from deatwin.ident.mismatch.naming.screen import response, shapes_of
 from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen, TellingReading
 from deatwin.ident.mismatch.plan.seen import Change, distances, smallest
-from deatwin.ident.parallel import one_thread, run_jobs
+from deatwin.ident.parallel import one_thread, require_workers, run_jobs
 from deatwin.plant.amplitudes import amplitude_unit
-from deatwin.plant.effects.base import Effect
+from deatwin.plant.arrays import require_seed
+from deatwin.plant.effects.base import Effect, require_effects
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.readings import Reading
@@ -88,7 +89,9 @@ def plan_experiment(
         and a length are given, the length is not 100 to 100,000 samples, the rig accepts none of the effects, or the
         effects cannot be judged because neither the noise nor the motion is known.
     ModelError
-        If there is no plant.
+        If there is no plant, or the seed or the number of processes is unusable.
+    RigError
+        If one of the given effects is not an `Effect`.
     SimulationError
         If the nominal plant cannot follow the input.
     """
@@ -96,7 +99,10 @@ def plan_experiment(
     if not isinstance(commands, Recording | None):
         raise DataError(f"commands must be a Recording, whose readings are ignored, not a {type(commands).__name__}")
     tell = progress or (lambda share, text: None)
-    known = [e for e in (plant.rig.effects() if effects is None else effects) if plant.accepts(e)]
+    require_workers(jobs)
+    require_seed(seed)
+    given = plant.rig.effects() if effects is None else require_effects(effects)
+    known = [effect for effect in given if plant.accepts(effect)]
     if not known:
         raise DataError("there is nothing to plan for: none of the effects can be added to this rig")
     if commands is not None:
