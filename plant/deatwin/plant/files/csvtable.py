@@ -26,6 +26,7 @@ from deatwin.plant.files.csvtext import (
     is_number,
     names_and_units,
     require_no_settings,
+    require_whole_numbers,
     split_cells,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
@@ -142,6 +143,8 @@ class CsvTable(Table):
             if len(row) > count and any(cell.strip() for cell in row[count:]) and not is_comment(row[count]):
                 hint = grouped(self.lines[sample], self.delimiter)
                 raise DataError(f"{self.where(sample)}: the row has {len(row)} cells, but the header has {count}{hint}")
+        if self.delimiter == ",":
+            require_whole_numbers(self.lines, self.rows, list(map(len, rows)), count, self.path)
         return rows
 
     def _with_decimal_points(self, columns: Sequence[int], texts: list[list[str]]) -> list[list[str]]:

@@ -52,7 +52,8 @@ NO_VALUE = frozenset(
 )
 """Marks of a missing value, in lower case: words and dashes, C's numbers that are none, and errors of Excel."""
 _COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
-_GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+")
+_GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|[\d:]*\d:\d\d,\d{3}(?!\d)")
+_THOUSANDS = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+(?![\d:])(?:\.\d+)?")
 _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # Blanks that are neither before nor inside brackets
 _FAR_APART = re.compile(r"\s{2,}|\t")
 
@@ -179,9 +180,26 @@ def formula(cell: str) -> str:
 
 
 def grouped(line: str, delimiter: str) -> str:
-    """Return the end of an error text for a line whose commas are both delimiters and digit separators."""
+    """Return the end of an error text for a line whose commas are both delimiters and parts of a number."""
     found = _GROUPED.search(line) if delimiter == "," else None
+    if found and ":" in found[0]:
+        return f"; is {found[0]} one time? Then write it with a decimal point"
     return f"; is {found[0]} one number? Then write it without the comma" if found else ""
+
+
+def require_whole_numbers(lines: list[str], rows: list[int], widths: list[int], count: int, path: str) -> None:
+    """Refuse lines, separated by commas, that a comma between thousands lengthens beyond the header's `count` of cells.
+
+    The last cells are empty, so that the numbers behind the comma would be read one column too far left.
+    """
+    wide = [k for k, width in enumerate(widths) if width > count]
+    split = [(k, found[0]) for k in wide if (found := _THOUSANDS.search(lines[k]))]
+    if split and (len(wide) < len(lines) or len(split) == len(lines)):
+        k, number = split[0]
+        raise DataError(
+            f"{path}, row {rows[k]}: the row has {widths[k]} cells, but the header has {count}; is {number} one number? Then "
+            "write it without the comma, else remove the commas at the end of the row"
+        )
 
 
 def is_number(cell: str) -> bool:
