@@ -210,6 +210,9 @@ def test_a_temperature_whose_name_is_like_that_of_a_difference_is_shifted(name: 
             "1/s": "s⁻¹ s^-1 /s",
             "um": "µm μm",
             "uA": "µA μA",
+            "ms": "Millisekunden millisecondes milisegundos ミリ秒 毫秒 ㎳",
+            "um": "Mikrometer micromètres ㎛",
+            "kV": "ｋＶ ㎸",
             "°C": "°C ℃ degC degree_Celsius Celsius",
             "Δ°C": "delta_degC Δ°C",
             "coulomb": "Coulomb coulombs",
@@ -233,7 +236,7 @@ def test_a_temperature_whose_name_is_like_that_of_a_difference_is_shifted(name: 
             "N/mm2": "N/mm² N·mm^-2",
             "V": "VDC Volts",
             "h": "hrs Hours Stunden",
-            "s": "sec. Sek. Sekunden",
+            "s": "sec. Sek. Sekunden secondes segundos 秒",
             "": "L V/A x/y counts l/l/V sqm",
         }.items()
         for spelt in spellings.split()
