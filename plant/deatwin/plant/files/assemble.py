@@ -37,6 +37,8 @@ from deatwin.plant.rigs.rigfile import RigFile
 
 logger = logging.getLogger(__name__)
 
+_SLOW = 0.5  # Step, s, above which times without a unit may be in another one
+
 
 Floats = NDArray[np.float64]
 
@@ -82,7 +84,7 @@ def recordings_of(
     kept = _rows_with_values(
         table, {k: numbers[k] for k in needed_columns}, timed=times is not None, allow_gaps=allow_gaps
     )
-    numbers, kept, slow = _on_rows_read(table, numbers, kept, roles, times, reading)
+    numbers, kept, held = _on_rows_read(table, numbers, kept, roles, times, reading)
     if times is None and stated is None:
         raise no_times(table, set(used))
     told = None if times is None else numbers[times]
@@ -93,15 +95,18 @@ def recordings_of(
     told = None if counted else told
     if told is not None and times is not None and not unit and times not in table.scales:
         require_unit(bare, times, told)
-    ticks = times is not None and not unit and told is not None and _may_be_ticks(table, times, told)
+    unsaid = times is not None and not unit and not table.scales and table.headers[times] != USUAL_TIMES
+    steps = np.diff(told) if told is not None and unsaid else np.empty(0)
+    ticks = bool(steps.size and (steps > _SLOW).all() and np.allclose(steps, np.round(steps), rtol=0.0, atol=1e-6))
     remark = ""
     if times is not None and told is not None:
-        remark = _seconds_or_ticks(table, times, told) if ticks and stated is None else ""
+        slow = stated is None and steps.size and np.median(steps) > _SLOW
+        remark = _seconds_or_other(table, times, told) if slow else ""
     elif counted and times is not None and dt != 1.0:
         remark = f'the stated sample time was used, because the column "{table.shown(times)}" only counts the rows'
     elif stated:
         remark = _passed_over(table, used, stated.sample_time)
-    remark = "; ".join(text for text in (slow, remark) if text)
+    remark = "; ".join(text for text in (held, remark) if text)
     source = _Source(table=table, roles=roles, numbers=numbers, kept=kept, remark=remark)
     try:
         recordings = _recordings(source, told, stated, allow_gaps=allow_gaps, resample=resample, reading=reading)
@@ -204,13 +209,6 @@ def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
             scale.said,
             scale.began.isoformat(),
         )
-
-
-def _may_be_ticks(table: Table, times: int, told: Floats) -> bool:
-    """Return whether times without a unit may be counts, for instance of ms: they increase by whole numbers."""
-    steps = np.diff(told)
-    whole = bool(steps.size and (steps > 0.5).all() and np.allclose(steps, np.round(steps), rtol=0.0, atol=1e-6))
-    return whole and not table.scales and table.headers[times] != USUAL_TIMES
 
 
 def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
@@ -394,12 +392,12 @@ def _passed_over(table: Table, used: Sequence[int], dt: float) -> str:
     return ""
 
 
-def _seconds_or_ticks(table: Table, times: int, told: Floats) -> str:
-    """Ask for the unit of times that are whole numbers without one and were taken as seconds."""
+def _seconds_or_other(table: Table, times: int, told: Floats) -> str:
+    """Ask for the unit of times without one that would be slow as seconds."""
     named, step = f'--time-column "{table.unmistakable(times)}', float(np.median(np.diff(told)))
     counted = "do they count the samples? Then state the sample time, --dt SECONDS; " if step == 1.0 else ""
     return (
-        f'the column "{table.shown(times)}" gives no unit, and its whole steps were taken as seconds, '
+        f'the column "{table.shown(times)}" gives no unit, and its steps were taken as seconds, '
         f'{step:g} s a sample; {counted}are they milliseconds? Then state {named}=ms", else {named}=s"'
     )
 

@@ -26,9 +26,11 @@ _STAMP_NAMES = (
     *("ts", "timestamp", "datetime", "unixtime", "times", "elapsed", "elapsedtime", "date", "zeitstempel"),
     *("datum", "datumuhrzeit", "datumzeit", "horodatage", "fecha", "fechahora"),
 )
-_CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0))  # Days from 1990 to 2100, counted from 1900 and from 0
+_CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0), (2447892.0, 2488070.0))
+"""Days from 1990 to 2100, counted from 1900, from 0, and as Julian dates."""
 _SHORT = 1e-4  # Step below which times in s may be days, in which it is less than nine seconds
 _ROUNDED = 1e-6  # Relative error of a step from times with too few digits
+_IN_WORDS = re.compile(r".*\s(?:in|en)\s+([^\W\d_]+)")  # Header that ends in words for a unit, known or not
 _LISTED = 5  # Largest number of columns that an error lists
 
 
@@ -191,13 +193,14 @@ def with_times(table: Table, column: int, unit: str) -> Table:
 
 
 def require_unit(table: Table, column: int, times: Floats) -> None:
-    """Refuse times in an unknown unit, or in none if they may be dates of a spreadsheet or of MATLAB: as many days as
-    since 1900 or since the year 0, in steps that would be very short as seconds. A time of day is a part of a day, long
-    after midnight; neither step nor rate is a round number unless the times are counted in days.
+    """Refuse times in an unknown unit, or in none if they may be days of a calendar: as many as in one of `_CALENDARS`, in
+    steps that would be very short as seconds. A time of day is a part of a day, long after midnight; neither step nor
+    rate is a round number unless the times are counted in days.
     """
     place = f'{table.path}: the times in the column "{table.shown(column)}"'
     options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in TIME_UNITS}
-    if said := "" if table.units[column] else table.own_unit(column):
+    words = _IN_WORDS.fullmatch(table.headers[column])
+    if said := "" if table.units[column] else table.own_unit(column) or (words[1] if words else ""):
         like = options.get(said.lower(), NO_OPTIONS)  # only capitals differ; any other unit is the user's to state
         raise DataError(
             f'{place} are said to be in "{clipped(said)}", which is not a known unit of time; state one, such as '

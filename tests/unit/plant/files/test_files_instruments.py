@@ -193,10 +193,21 @@ def test_names_of_one_letter_are_no_units_below_a_title(tmp_path: Path) -> None:
     assert read_recording(tmp_path / "r.csv", input_column="V", output_column="s").output_units == ("",)
 
 
-def test_whole_steps_without_a_unit_are_asked_for(tmp_path: Path) -> None:
-    (tmp_path / "r.csv").write_text(f"clock,u_V,y_mm\n{plain(20 * np.arange(60) + 0.5)}", encoding="utf-8")
+@pytest.mark.parametrize("step", [20.0, 2.5, 16.667])
+def test_slow_times_without_a_unit_are_asked_for(tmp_path: Path, step: float) -> None:
+    (tmp_path / "r.csv").write_text(f"clock,u_V,y_mm\n{plain(step * np.arange(60) + 0.5)}", encoding="utf-8")
     found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", time_column="clock")
     assert "are they milliseconds?" in found.provenance["clock"]
+
+
+@pytest.mark.parametrize(("header", "said"), [("Tempo en milésimas", "milésimas"), ("Zeit in Ticks", "Ticks")])
+def test_a_unit_of_time_in_words_is_asked_for_if_unknown(tmp_path: Path, header: str, said: str) -> None:
+    (tmp_path / "r.csv").write_text(f"{header},u_V,y_mm\n{plain(2.5 * np.arange(60))}", encoding="utf-8")
+    named = {"input_column": "u_V", "output_column": "y_mm", "time_column": header}
+    with pytest.raises(DataError, match=f'said to be in "{said}", which is not a known unit of time'):
+        read_recording(tmp_path / "r.csv", **named)
+    found = read_recording(tmp_path / "r.csv", **named | {"time_column": f"{header}=ms"})
+    assert found.sample_time == pytest.approx(2.5e-3)
 
 
 def test_a_meter_that_changes_its_range_gives_no_unit(tmp_path: Path) -> None:
