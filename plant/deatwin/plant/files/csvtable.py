@@ -30,7 +30,7 @@ from deatwin.plant.files.csvtext import (
     split_cells,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
-from deatwin.plant.files.formats.table import Declared, Table
+from deatwin.plant.files.formats.table import OVERFLOW, Declared, Table
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.units import Unit, find_unit
 from deatwin.plant.files.usual import LIKE_TIMES
@@ -40,8 +40,6 @@ DESCRIPTION = f"# {SCHEMA} "  # Start of a line above the header that holds a de
 _GZIP = b"\x1f\x8b"  # First bytes of a gzip file
 EXACT = Context(prec=800)  # Decimal context with enough digits for the exact sum of any two floats
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-precision number in Fortran
-_OVERFLOWS = np.array([9.9e37, 9.91e37])  # Infinity and no number from instruments (SCPI-1999, volume 1, section 7.2.1)
-_LARGE = 1e20  # SI value that an overflow exceeds in any unit
 _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
 )  # Mark between thousands that no decimal sign can be
@@ -110,9 +108,7 @@ class CsvTable(Table):
             found = np.asarray(scale.seconds(cells) if scale else _si(cells, self.unit(column)), dtype=np.float64)
         except (ValueError, TypeError, ArithmeticError):  # ArithmeticError: outside the range of Decimal
             return None
-        large = np.abs(found[np.abs(found) > _LARGE])
-        overflows = scale is None and np.isclose(large[:, np.newaxis], self.unit(column).to_si(_OVERFLOWS)).any()
-        return found if np.isfinite(found).all() and not overflows else None
+        return found if np.isfinite(found).all() and (np.abs(found) <= OVERFLOW).all() else None
 
     def _dated(self, column: int) -> bool:
         """Return whether a column holds dates or times of day."""
@@ -211,9 +207,9 @@ class CsvTable(Table):
                     )
                 if not is_number(cell.replace(",", ".")):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number{_advice(cell)}')
-                if not np.isfinite(float(cell.replace(",", "."))):
+                if not np.isfinite(number := np.array(float(cell.replace(",", ".")))):
                     return DataError(f"{place}: {clipped(cell)} is not a finite number")
-                if np.isclose(abs(float(cell.replace(",", "."))), _OVERFLOWS).any():
+                if np.abs(self.unit(column).to_si(number)) > OVERFLOW:
                     return DataError(
                         f"{place}: {clipped(cell)} marks an overflow or a missing value; leave the cell empty"
                     )
