@@ -25,6 +25,8 @@ _UNIT_ALONE = re.compile(r"(?:in\s+)?(\(.*\)|\[.*\]|(?<=\s)\S+)")
 """Header without a name, of which brackets or the word *in* say that it is a unit: ``[s]``, ``in s``."""
 _DOUBTFUL = re.compile("F|l|(?i:in|ft|foot|feet|yd|dm|kp|dyn|kip|ksi|turns?)")
 """Units recognised in brackets only, because names have these endings, too: of forces and lengths, ``u_in``, ``kp``."""
+_OF_NODE = re.compile(r"(?:[vV]\((?![mnuk]?V\))|[iI]\((?![mnpuk]?A\)))\w+\)")
+"""Voltage of a node or current of a part, as circuit simulators name them: ``V(in)`` is in no inches."""
 TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _NO_QUANTITIES = frozenset({"counts"})  # Words before a slash that belong to an unknown unit, as in ``counts/s``
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff(?!us)|d_?t(?![a-z])|(.*[^a-z]|temp)?(difference|rise|increase)\b)")
@@ -56,6 +58,8 @@ _ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
 def split_unit(header: str) -> tuple[str, str]:
     """Return name and unit of a column header; the unit is empty if it is unknown or may belong to the name."""
     header = header.translate(FULL_WIDTH)
+    if _OF_NODE.fullmatch(header):
+        return header, ""
     match = _QUOTIENT.fullmatch(header)
     doubtful = match and not match[3] and any(map(_DOUBTFUL.fullmatch, (match[2], match[4])))
     if match and not doubtful and (unit := find_unit(f"{match[2]}/{match[4]}")):
@@ -118,7 +122,7 @@ def said_unit(header: str) -> str:
     >>> said_unit("count [lines/min]"), said_unit("command_Mv"), said_unit("U_cmd"), said_unit("x (1)")
     ('lines/min', 'Mv', '', '')
     """
-    for form in _FORMS:
+    for form in () if _OF_NODE.fullmatch(header) else _FORMS:
         if match := form.fullmatch(header.translate(FULL_WIDTH)):
             said = match[2].strip("()[] ")
             if _is_doubtful(form, said):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import constants
 
-from deatwin.plant.files.headers import split_unit
+from deatwin.plant.files.headers import said_unit, split_unit
 from deatwin.plant.files.units import UNITS, find_unit
 
 
@@ -243,6 +243,14 @@ def test_a_temperature_whose_name_is_like_that_of_a_difference_is_shifted(name: 
 )
 def test_spellings(spelt: str, unit: str) -> None:
     assert find_unit(spelt) == find_unit(f"({spelt})") == unit
+
+
+def test_the_voltage_of_a_node_is_in_no_inches() -> None:
+    """Names of circuit simulators, where brackets hold a node or a part."""
+    for header in ("V(in)", "v(m)", "I(s)", "i(l)"):
+        assert split_unit(header) == (header, "") and said_unit(header) == ""
+    assert split_unit("V(mV)") == ("V", "mV") and split_unit("I(A)") == ("I", "A")
+    assert split_unit("V (ml)") == ("V", "ml") and split_unit("Vin(in)") == ("Vin", "inch")
 
 
 def test_a_scale_is_no_unit() -> None:
