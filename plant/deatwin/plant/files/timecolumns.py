@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
-from deatwin.plant.files.dates import ORDERS, date_orders
+from deatwin.plant.files.dates import ORDERS, date_orders, day_seconds, is_date, moment
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.headers import TIME_NAMES
 from deatwin.plant.files.times import TIME_UNITS, time_scale
@@ -177,6 +177,8 @@ def with_times(table: Table, column: int, unit: str) -> Table:
     # A file written by deatwin reads back unchanged, whatever its clock.
     if scale and scale.unit and (table.declared.signals or table.headers[column] == USUAL_TIMES):
         scale = None
+    if scale and scale.texts and scale.began is None:
+        _require_no_skipped_days(table, column)
     if order and not scale:
         raise DataError(f'{table.path}: the column "{table.shown(column)}" holds no dates; remove "={order}"')
     if scale and not scale.order and len({re.split("[T ,]", text.strip())[0] for text in table.texts(column)}) > 1:
@@ -190,6 +192,29 @@ def with_times(table: Table, column: int, unit: str) -> Table:
             either[0],
         )
     return replace(table, units=units, scales={column: scale} if scale else {})
+
+
+def _require_no_skipped_days(table: Table, column: int) -> None:
+    """Refuse times of day beside a column of dates, if a date changes where the times do not pass as many midnights."""
+    dated = [k for k in range(len(table.headers)) if k != column and is_date(next(iter(table.texts(k)), "").strip())]
+    for beside in dated:
+        try:
+            days = [time // 86400 for time in day_seconds(table.texts(column))]
+        except ValueError:  # the error of the bad cell comes later
+            return
+        dates = list(table.texts(beside))
+        order = orders[0] if len(orders := date_orders(dates)) == 1 else ""  # if ambiguous, each change is one day
+        for k in np.flatnonzero([b != a for a, b in pairwise(dates)]) + 1:
+            try:
+                passed = (moment(dates[k], order) - moment(dates[k - 1], order)).days if order else 1
+            except (ValueError, TypeError):  # no date, or an offset from UTC in only one of them
+                continue
+            if days[k] - days[k - 1] != passed:
+                raise DataError(
+                    f'{table.where(int(k))}: in the column "{table.shown(beside)}" {clipped(dates[k])} follows '
+                    f'{clipped(dates[k - 1])}, but the times in the column "{table.shown(column)}" do not pass '
+                    "midnight there, or only once; write date and time in one column"
+                )
 
 
 def require_unit(table: Table, column: int, times: Floats) -> None:
