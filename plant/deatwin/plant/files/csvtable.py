@@ -28,6 +28,7 @@ from deatwin.plant.files.csvtext import (
     require_no_settings,
     require_whole_numbers,
     split_cells,
+    without_index_line,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import OVERFLOW, Declared, Table
@@ -264,7 +265,7 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
         declared = read_description(filled.pop(0)[1].removeprefix(DESCRIPTION), name)
     if not filled:
         raise DataError(f"{name}: the file is empty; it must hold a header, with the names of its columns, and samples")
-    rows, lines = [row for row, _ in filled], [line for _, line in filled]
+    lines, rows = without_index_line([line for _, line in filled], [row for row, _ in filled])
     layout = find_layout(lines, rows, name)
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)

@@ -55,6 +55,7 @@ _COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
 _GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|[\d:]*\d:\d\d,\d{3}(?!\d)")
 _THOUSANDS = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+(?![\d:])(?:\.\d+)?")
 _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # Blanks that are neither before nor inside brackets
+_INDEX_LINE = re.compile(r"([^,;\t|]*)(([,;\t|])\3*)")  # At most a name, and empty cells
 _FAR_APART = re.compile(r"\s{2,}|\t")
 
 
@@ -116,6 +117,32 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
     if layout := _nameless(lines):
         return layout
     raise _no_layout(lines, rows, marks[0], path)
+
+
+def without_index_line(lines: list[str], rows: list[int]) -> tuple[list[str], list[int]]:
+    """Return lines and rows of a table of pandas without the line that names only its index, below several names.
+
+    The name of the index is put before the names of the columns, where a level's name or nothing stands.
+    """
+    for k, line in enumerate(lines[1:_HEAD], 1):
+        found = _INDEX_LINE.fullmatch(line)
+        if not found or k + 1 == len(lines):
+            continue
+        delimiter, count = found[2][0], len(found[2])
+        cells = [split_cells(other, delimiter) for other in lines[: k + 2]]
+        above = next(
+            (j for j in range(k, 0, -1) if lines[j - 1].count(delimiter) != count or _holds_number(cells[j - 1])), 0
+        )
+        if k - above < 2 or _kind(cells[k + 1][0]) not in ("number", "date"):
+            continue
+        head, name = lines[above:k], found[1].strip()
+        if name and not any(find_unit(row[0]) for row in cells[above:k]):
+            head = [
+                other if _are_units(row[1:]) else name + delimiter + other.partition(delimiter)[2]
+                for other, row in zip(head, cells[above:k], strict=True)
+            ]
+        return [*lines[:above], *head, *lines[k + 1 :]], rows[:k] + rows[k + 1 :]
+    return lines, rows
 
 
 def require_no_settings(lines: list[str], rows: list[int], delimiter: str, path: str) -> None:

@@ -135,6 +135,28 @@ def test_index_without_a_name_before_the_columns(write) -> None:
     check(read_recording(write("#,time,u,y", *(f"{k},{row}" for k, row in enumerate(rows(seconds)))), **NAMED))
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        (",u,y", ",V,mm", "time,,"),
+        ("signal,u,y", "unit,V,mm", "time_s,,"),
+        (",rig,rig", ",u,y", ",V,mm", "time,,"),
+        ("rig,left,left", "signal,u_V,y_mm", "time_s,,"),
+        ("time,u,y", "s,V,mm", ",,"),
+    ],
+)
+def test_several_levels_of_names_above_the_name_of_the_index(write, head: tuple[str, ...]) -> None:
+    """As pandas writes columns with a MultiIndex."""
+    recording = read_recording(write(*head, *rows(seconds)), **NAMED)
+    assert (recording.sample_time, recording.output_units, recording.provenance["rows"]) == (
+        0.02,
+        ("m",),
+        f"{len(head) + 1}-{len(head) + 4}",
+    )
+    np.testing.assert_array_equal(recording.inputs, [U])
+    np.testing.assert_allclose(recording.outputs, 1e-3 * np.array([Y]), rtol=1e-15)
+
+
 class TestTimes:
     @pytest.mark.parametrize("name", ["ts", "Timestamp", "unixTime", "t", "Time (s)", "time [s]"])
     def test_usual_names(self, write, name: str) -> None:
