@@ -12,7 +12,7 @@ from deatwin.plant.checks import check_command_range, check_motion
 from deatwin.plant.decimation import decimate
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import Piece, even_pieces
-from deatwin.plant.files.columns import extra_columns, with_readings
+from deatwin.plant.files.columns import extra_columns, require_wide, with_readings
 from deatwin.plant.files.dates import ORDERS, moment
 from deatwin.plant.files.formats.description import all_provenance
 from deatwin.plant.files.formats.table import Signal, Table, Timing
@@ -23,6 +23,7 @@ from deatwin.plant.files.timecolumns import (
     time_column,
     times_options,
     unit_of_steps,
+    unpadded,
     with_times,
 )
 from deatwin.plant.files.times import BEGAN, DATES
@@ -111,6 +112,10 @@ def recordings_of(
     try:
         recordings = _recordings(source, told, stated, allow_gaps=allow_gaps, resample=resample, reading=reading)
     except DataError as error:
+        if times is not None and (fault := unpadded(table, times)):
+            raise DataError(fault) from None
+        if told is not None and (np.diff(told) <= 0.0).any():
+            require_wide(table)
         if times is None or not ticks:
             raise
         offers = ReadOptions(time_column=f"{table.unmistakable(times)}=ms")
@@ -133,8 +138,12 @@ def _rows_with_values(table: Table, needed: Mapping[int, Floats], *, timed: bool
         return np.flatnonzero(~lost)
     sample, count, offers = int(np.argmax(lost)), int(lost.sum()), NO_OPTIONS
     column = list(needed)[int(np.argmax(gone[:, sample]))]
-    if lost.all():
+    if gone.all(axis=1).any():
         advice = "give a column that has values"
+    elif lost.all():
+        advice = (
+            "no row has command and reading: fill the empty cells of the command with the command that was held then"
+        )
     elif not timed:
         advice = "fill it, or give a column of times"
     else:
@@ -188,8 +197,8 @@ def _on_rows_read(
 
 
 def _is_filled(table: Table, column: int) -> bool:
-    """Return whether a column has a value in every row."""
-    return all(text.strip() for text in table.texts(column))
+    """Return whether a column has a value in more than one row."""
+    return sum(bool(text.strip()) for text in table.texts(column)) > 1
 
 
 def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:

@@ -19,6 +19,7 @@ from deatwin.plant.safe_read import clipped
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 BLANKS = " "  # Delimiter that stands for any run of blanks and tabs
 _HEAD = 1000  # Largest number of lines before the samples
+_SHOWN = 10  # Largest number of columns in an example header
 _HEADERS = 4  # Largest number of lines with names, units and remarks
 _LIKE_SAMPLES = 3  # Number of lines after the header that must hold numbers, if the file has as many
 _SETTINGS = re.compile(
@@ -80,7 +81,7 @@ def decode(content: bytes, path: str) -> str:
             return content.decode(bare or "utf-16")
         except UnicodeDecodeError as error:
             raise DataError(f"{path}: the UTF-16 text breaks off at byte {error.start}; save the file again") from None
-    written = content.rstrip(b"\0")  # a logger that loses power leaves the rest of its file unwritten
+    written = content.rstrip(b"\0\x1a")  # a logger that loses power leaves the rest unwritten; DOS marks the end
     content = written if written.endswith(b"\n") else content  # in the middle of a row, a number may be cut
     if b"\0" in content:
         book = "; end the name of an Excel workbook in .xlsx" if content[:2] == b"PK" else ""
@@ -175,6 +176,7 @@ def header_line(width: int, delimiter: str, times: int | None = 0) -> str:
     """Return an example header for rows of a number of cells, one of them the times, for an error text."""
     usual = ["command_V", "displacement_mm"]
     names = ["time_s" if k == times else usual.pop(0) if usual else f"column_{k + 1}" for k in range(width)]
+    names[_SHOWN:] = ["..."] if width > _SHOWN else []
     return f"{' '.join(names)}, parted by tabs" if delimiter == "\t" else delimiter.join(names)
 
 
@@ -497,8 +499,8 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
             if place:
                 return DataError(f"{path}, row {rows[place[0]]}: {formula(place[1])}")
             row = next((k for k in range(1, len(cells)) if len(cells[k]) == max(map(len, cells))), 0)
-            first = next((cell for cell in cells[row] if cell), "")
-            found = f', and in row {rows[row]} "{clipped(first, 40)}" is not a number' if row else ""
+            first = next((cell for cell in cells[row] if _kind(cell) not in ("", "date")), "")
+            found = f', and in row {rows[row]} "{clipped(first, 40)}" is not a number' if row and first else ""
             return DataError(
                 f"{path}: the file has a header but no samples: no row holds numbers{found}"
                 if row

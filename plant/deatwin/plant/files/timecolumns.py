@@ -47,6 +47,7 @@ def time_column(
     usual = [column for column in likely if table.headers[column] == USUAL_TIMES]
     named = [column for column in likely if _plain(table.names[column]) in TIME_NAMES]
     stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
+    stamped = [column for column in stamped if len(set(table.texts(column))) > 1]  # the date of a day
     fields = [column for column in likely if _plain(_field(table.names[column])) in (*TIME_NAMES, *_STAMP_NAMES)]
     inner = [column for column in fields if needed and holds_times(table, column)]
     first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
@@ -248,6 +249,28 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
 def _is_round(step: float) -> bool:
     """Return whether a positive number has at most two digits, but for rounding."""
     return abs(step / float(f"{step:.1e}") - 1.0) < _ROUNDED
+
+
+def unpadded(table: Table, column: int) -> str:
+    """Return the fault of times whose fractions lack zeros in front, as in 1.5 for 1.005; empty if they increase as such."""
+    cells = [cell.strip() for cell in table.texts(column)]
+    parts = [re.fullmatch(r"(.*\d)\.(\d{1,6})", cell) for cell in cells]
+    digits = max((len(part[2]) for part in parts if part), default=0)
+    padded = [f"{part[1]}.{part[2]:0>{digits}}" for part in parts if part]
+    short = next((k for k, part in enumerate(parts) if part and int(part[2]) and len(part[2]) < digits), None)
+    if short is None or len(padded) < len(cells):
+        return ""
+    scale = time_scale(cells, table.units[column])
+    try:
+        times = np.array(scale.seconds(padded) if scale else list(map(float, padded)))
+    except ValueError:
+        return ""
+    if (np.diff(times) <= 0.0).any():
+        return ""
+    return (
+        f'{table.where(short)}, column "{table.shown(column)}": the fractions lack zeros in front, because as written the '
+        f'times go back; write "{clipped(cells[short])}" as "{clipped(padded[short])}", and so on'
+    )
 
 
 def no_times(table: Table, taken: set[int]) -> DataError:

@@ -75,7 +75,11 @@ class TimeScale:
         try:
             date = moment(cell, self.order)
         except ValueError:
-            zone = "; give a time zone as an offset from UTC, +02:00" if re.search(r"\d.*[A-Za-z]{3}\W*$", cell) else ""
+            zone = (
+                "; give a time zone as an offset from UTC, +02:00"
+                if re.search(r"\d.*[A-Za-z]{3}[^A-Za-z]*$", cell)
+                else ""
+            )
             return f'"{clipped(cell)}" is not a date, such as 2024-05-01 12:00:00.25 or 1.5.2024 12:00:00{zone}'
         if (date.tzinfo is None) != (self.began.tzinfo is None):
             return f'"{clipped(cell)}": of the dates, some have an offset from UTC and others have none'

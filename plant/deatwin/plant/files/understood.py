@@ -164,7 +164,7 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
 
 
 def _mostly_numbers(table: Table, column: int) -> bool:
-    cells = list(table.texts(column))
+    cells = [cell for cell in table.texts(column) if cell.strip()]
     return 2 * sum(map(bool, map(_LIKE_NUMBER.fullmatch, cells))) > len(cells)
 
 
