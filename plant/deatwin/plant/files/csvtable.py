@@ -47,6 +47,9 @@ _APART = re.compile(
 _DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a minus sign
 _UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+_INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points between thousands
+_DIGITS = 3  # Number of digits in a group of thousands
+_FEW = 1000  # Number of cells that are looked at first
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,6 +150,8 @@ class CsvTable(Table):
     def _with_decimal_points(self, columns: Sequence[int], texts: list[list[str]]) -> list[list[str]]:
         """Return the cells with decimal points, if their commas are certainly decimal commas."""
         if not any("," in cell for cells in texts for cell in cells):
+            for column, cells in zip(columns, texts, strict=True):
+                self._require_no_thousands(column, cells)
             return texts
         comma = point = ""  # Places of the first cell with a comma and of the first with a point
         sure = False
@@ -175,6 +180,20 @@ class CsvTable(Table):
                 "write it with a decimal point"
             )
         return [[cell.replace(",", ".") for cell in cells] for cells in texts]
+
+    def _require_no_thousands(self, column: int, cells: list[str]) -> None:
+        """Refuse a column in which 999 and 1.234 stand, and no number that shows whether the point parts thousands."""
+        first = cells[:_FEW]
+        if not all(map(_INTEGER.fullmatch, map(str.strip, first))) or not any("." in cell for cell in first):
+            return
+        hundreds = any("." not in cell and len(cell.strip("+- ")) == _DIGITS for cell in first)
+        if not hundreds or not all(map(_INTEGER.fullmatch, map(str.strip, cells))):
+            return
+        sample = next(k for k, cell in enumerate(cells) if "." in cell)
+        raise DataError(
+            f'{self.where(sample)}, column "{self.shown(column)}": "{clipped(cells[sample])}" may mean thousands or a decimal '
+            "point, and no number in the column shows which; write all numbers with as many decimals, or without the point"
+        )
 
     def _bad_cell(self, columns: Sequence[int], missing: Collection[int]) -> DataError:
         """Return the error of the first cell that is not a finite number; those of `missing` columns may be empty."""

@@ -82,6 +82,19 @@ def test_an_empty_last_cell_does_not_hide_a_comma_between_thousands(tmp_path: Pa
     np.testing.assert_allclose(read_recording(path).outputs[0, 7], 1e-6 * float(number.replace(",", "")))
 
 
+def test_points_that_may_part_thousands_are_asked_for(tmp_path: Path) -> None:
+    """A column of whole numbers as written in German: 837, 1.002; where all have three decimals, they are no thousands."""
+    path = tmp_path / "r.csv"
+    for last, fault in (("999", True), ("999.000", False), ("0.999", False)):
+        rows = [f"{20 * k};{k % 3};{1 + k % 5}.{125 + k}" for k in range(20)]
+        path.write_text("\n".join(["time_ms;command_V;displacement_um", *rows, f"400;1;{last}"]), encoding="utf-8")
+        if fault:
+            with pytest.raises(DataError, match=r'row 2, .*_um": "1.125" may mean thousands or a decimal point'):
+                read_recording(path)
+        else:
+            assert read_recording(path).outputs[0, 0] == 1.125e-6
+
+
 def test_a_formula_without_a_value_is_named(tmp_path: Path) -> None:
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
