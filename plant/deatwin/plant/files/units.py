@@ -376,7 +376,7 @@ FULL_WIDTH = str.maketrans("（）［］", "()[]")  # Brackets among Chinese and
 
 def find_unit(text: str) -> str:
     """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names."""
-    bare = unicodedata.normalize("NFKC", text.strip())  # full width, ㎜, U+00B5 and the like
+    bare = unicodedata.normalize("NFKC", text.strip().replace("º", "°"))  # full width, ㎜, U+00B5 and the like
     if bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()
     if bare in _SYMBOLS:

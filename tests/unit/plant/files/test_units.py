@@ -212,7 +212,7 @@ def test_a_temperature_whose_name_is_like_that_of_a_difference_is_shifted(name: 
             "uA": "µA μA",
             "ms": "Millisekunden millisecondes milisegundos ミリ秒 毫秒 ㎳",
             "kV": "ｋＶ ㎸",
-            "°C": "°C ℃ degC degree_Celsius Celsius",
+            "°C": "°C ºC ℃ degC degree_Celsius Celsius",
             "Δ°C": "delta_degC Δ°C",
             "coulomb": "Coulomb coulombs",
             "ohm": "Ω Ohm",
