@@ -26,7 +26,7 @@ from deatwin.plant.files.timecolumns import (
     unpadded,
     with_times,
 )
-from deatwin.plant.files.times import BEGAN, DATES
+from deatwin.plant.files.times import BEGAN, DATES, TIMES_OF_DAY
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import LIKE_TIMES, USUAL_TIMES
 from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
@@ -224,12 +224,23 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     """Return recordings on the clock of the earliest one, if all state the date of their time zero."""
     dates = [recording.provenance.get(STARTED, recording.provenance.get(BEGAN)) for recording in recordings]
     files = " and ".join(label(recording) for recording in recordings)
-    if None in dates and len(dates) > 1 and any(one.provenance.get("times") == DATES for one in recordings):
+    undated = [one for one, date in zip(recordings, dates, strict=True) if date is None]
+    if len(dates) > 1 and any(one.provenance.get("times") == DATES for one in undated):
         raise DataError(
             f"{files}: some of their dates may have the day, the month or the year first, and none shows which; state the order "
             f"for all: --time-column NAME={ORDERS[0]}, NAME={ORDERS[1]} or NAME={ORDERS[2]}"
         )
-    if None in dates or len(set(dates)) < 2:
+    of_day = any(one.provenance.get("times") == TIMES_OF_DAY for one in undated)
+    if (
+        undated
+        and len({one.provenance.get("file") for one in recordings}) > 1
+        and (of_day or len(undated) < len(dates))
+    ):
+        raise DataError(
+            f"{files}: the times of {label(undated[0])} tell no date, so the time between the files is unknown; write date and "
+            "time in one column of each file, or put --experiment before each file that began from rest"
+        )
+    if undated or len(set(dates)) < 2:
         return tuple(recordings)
     try:
         began = [moment(str(date)) for date in dates]

@@ -15,7 +15,7 @@ from deatwin.plant.files.units import UNITS
 from deatwin.plant.safe_read import clipped
 
 BEGAN = "clock_began"  # Key of the provenance for the date at which the clock is zero
-DATES = "dates"
+DATES, TIMES_OF_DAY = "dates", "times of day"
 TIME_UNITS = tuple(name for name, unit in UNITS.items() if unit.si == "s")
 _SIZED = ("s", "ms", "us", "ns")
 _FIRST, _LAST = 10**9, 3 * 10**9  # Range of values taken as Unix times, s: September 2001 to January 2065
@@ -41,7 +41,7 @@ class TimeScale:
         """Description of how the values were read."""
         if self.unit:
             return f"Unix times in {self.unit}"
-        return DATES if self.began else "times of day"
+        return DATES if self.began else TIMES_OF_DAY
 
     @property
     def provenance(self) -> dict[str, str]:

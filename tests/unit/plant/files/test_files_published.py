@@ -210,6 +210,22 @@ class TestTimes:
         assert (first.start, second.start) == (0.0, 20.0)
         assert second.provenance["clock_began"] == "2024-05-01T11:59:50"
 
+    @pytest.mark.parametrize(
+        ("early", "late", "without"),
+        [
+            (lambda k: f"2024-05-01 12:00:0{k}", lambda k: str(10 + k), "late.csv"),
+            (lambda k: str(1714564800 + k), lambda k: str(10 + k), "late.csv"),
+            (lambda k: f"12:00:0{k}", lambda k: f"12:01:0{k}", "early.csv"),
+        ],
+    )
+    def test_files_without_a_date_are_not_put_beside_others(self, write, early, late, without: str) -> None:
+        """One clock begins at the first date, the other anywhere."""
+        files = [write("time,u,y", *rows(form), name=name) for form, name in ((early, "early.csv"), (late, "late.csv"))]
+        with pytest.raises(
+            DataError, match=rf"the times of \S*{without} tell no date, so the time between the files is unk"
+        ):
+            read_experiment(files, **NAMED)
+
 
 class TestOneQuantity:
     HEADER = "time_s,laser_V,laser_mm,force_V,force_N"
