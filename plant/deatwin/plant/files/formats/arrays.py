@@ -15,7 +15,9 @@ from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.safe_read import COLUMNS, clipped
 
-_UNITS = re.compile(r"(?i)(engineering)?[ _]?units?([ _]?(string|symbol|description))?")  # Attributes that name units
+_UNITS = re.compile(
+    r"(?i)(NI_|engineering)?[ _]?units?([ _]?(string|symbol|description))?"
+)  # Attributes that name units
 _SCALING = re.compile(
     r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset|factor|multiplier|conversion|resolution)([ _].*)?|.*per[ _]?(count|bit|lsb)"
 )
