@@ -15,7 +15,7 @@ _FORMS = (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED)
 """Patterns of a header with a unit; the second group is the unit."""
 _TIMES = re.compile(
     r"((?:(?:.*[^a-z])?t|.*(?:time|stamp|epoch|clock|zeit|unix|elapsed|ticks?)))[\s_.:-]*?"
-    r"(?:(?<![a-z0-9])(s)|(millis|micros|nanos|[mun]?sec(?:ond)?s?|(?:milli|micro|nano)seconds?|[mun]s))",
+    r"(?:(?<![a-z0-9])(s|h|min)|(hours?|hrs?|stunden|minut(?:es?|en)|days?|millis|micros|nanos|[mun]?sec(?:ond)?s?|(?:milli|micro|nano)seconds?|[mun]s))",
     re.IGNORECASE,
 )
 """Header of a time column that ends in its unit without a separator."""

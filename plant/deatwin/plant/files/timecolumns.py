@@ -58,7 +58,7 @@ def time_column(
         found = [column for column in found if holds_times(table, column) or _breaks_off(table, column)] or found
     if len(found) > 1 and needed and not _equal(table, found):
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
-        one = ReadOptions(time_column=table.unmistakable(found[0]))
+        one = ReadOptions(time_column=table.unmistakable(next((k for k in found if holds_times(table, k)), found[0])))
         raise DataError(
             f"{table.path}: each of the columns {listed} may hold the times, and they differ; name the column with the times of input and output: {one}",
             one,
