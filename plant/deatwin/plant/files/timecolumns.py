@@ -199,22 +199,26 @@ def _require_no_skipped_days(table: Table, column: int) -> None:
     """Refuse times of day beside a column of dates, if a date changes where the times do not pass as many midnights."""
     dated = [k for k in range(len(table.headers)) if k != column and is_date(next(iter(table.texts(k)), "").strip())]
     for beside in dated:
+        dates = list(table.texts(beside))
+        if len(set(dates)) < 2:
+            continue
         try:
             days = [time // 86400 for time in day_seconds(table.texts(column))]
         except ValueError:  # the error of the bad cell comes later
             return
-        dates = list(table.texts(beside))
-        order = orders[0] if len(orders := date_orders(dates)) == 1 else ""  # if ambiguous, each change is one day
+        orders = date_orders(dates)
         for k in np.flatnonzero([b != a for a, b in pairwise(dates)]) + 1:
             try:
-                passed = (moment(dates[k], order) - moment(dates[k - 1], order)).days if order else 1
-            except (ValueError, TypeError):  # no date, or an offset from UTC in only one of them
+                before, after = (moment(cell, orders[0]) for cell in dates[k - 1 : k + 1])
+            except ValueError:
                 continue
-            if days[k] - days[k - 1] != passed:
+            passed = (after.date() - before.date()).days
+            passed = passed if len(orders) == 1 else int(passed != 0)  # if ambiguous, each change is one day
+            if before.tzinfo is after.tzinfo is None and days[k] - days[k - 1] != passed:
                 raise DataError(
                     f'{table.where(int(k))}: in the column "{table.shown(beside)}" {clipped(dates[k])} follows '
-                    f'{clipped(dates[k - 1])}, but the times in the column "{table.shown(column)}" do not pass '
-                    "midnight there, or only once; write date and time in one column"
+                    f'{clipped(dates[k - 1])}, but the times in the column "{table.shown(column)}" do not pass as '
+                    "many midnights there; write date and time in one column"
                 )
 
 

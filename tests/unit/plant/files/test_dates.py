@@ -82,6 +82,7 @@ def test_times_of_day_go_on_past_midnight(tmp_path: Path, form: str, header: str
         ("23:59:59.8", ("4/5/2024", "5/5/2024"), False),
         ("23:59:59.8", ("2024-05-01", "2024-05-01"), False),  # the date of the start
         ("12:00:00", ("01.05.2024", "02.05.2024"), True),
+        ("23:59:59.8", ("2024-05-01 23:59:59", "2024-05-02 00:00:00"), False),  # the date with a time of its own
     ],
 )
 def test_dates_beside_times_of_day_change_at_midnight(
