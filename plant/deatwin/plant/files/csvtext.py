@@ -30,7 +30,9 @@ _SETTINGS = re.compile(
 _SCALES = re.compile("(?i)scal|offset|gain|factor|zero|sensitiv|slope|calib|skal|faktor|null|empfind")
 _NAMES_LABEL = re.compile(r"(?i)(trace|channel|signal)[ _]?(name|title)s?\b")  # Word before the names
 _TIMES = ("s", "ms", "us", "ns", "min", "h")
-_UNITS_LABEL = re.compile(r"(?i)(units?|einheit(en)?|unités?)\s*:?")  # Word before the units in their line
+_UNITS_LABEL = re.compile(
+    r"(?i)(units?|einheit(en)?|unités?)\s*:?|#+|//+"
+)  # Word or mark before the units in their line
 NO_VALUE = frozenset(
     {
         "",
@@ -323,7 +325,8 @@ def _are_mostly_units(cells: list[str], names: list[str]) -> bool:
 def _stand_above(units: list[str], names: list[str]) -> bool:
     """Return whether units stand above the names instead of below them."""
     several = sum(map(bool, map(find_unit, units))) > 1 and len(units) <= len(names)
-    return several and _are_units(units) and all(names) and not any(map(find_unit, names))
+    named = all(name for name, unit in zip(names, units, strict=False) if unit)  # the number of a row may have no name
+    return several and _are_units(units) and named and not any(map(find_unit, names))
 
 
 def _are_quantities(cells: list[str]) -> bool:

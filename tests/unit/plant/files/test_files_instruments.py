@@ -188,6 +188,26 @@ def test_what_would_be_read_wrongly_is_refused(tmp_path: Path, kind: str) -> Non
         assert not error.value.offers
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        ("Nr;t;u;y", "-;ms;V;mm"),
+        (";ms;V;mm", ";t;u;y"),
+        ("-;ms;V;mm", "Nr;t;u;y"),
+        ("# ;ms;V;mm", "# ;t;u;y"),
+        ("# Nr;t;u;y", "# ;ms;V;mm"),
+    ],
+)
+def test_units_stand_above_or_below_the_names_of_a_table_with_numbered_rows(
+    tmp_path: Path, head: tuple[str, str]
+) -> None:
+    rows = [f"{k};{20 * k};{k % 3};{k % 5}" for k in range(20)]
+    (tmp_path / "r.csv").write_text("\n".join([*head, *rows]), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u", output_column="y")
+    assert (found.sample_time, found.input_units, found.output_units) == (pytest.approx(0.02), ("V",), ("m",))
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * (np.arange(20) % 5), rtol=1e-15)
+
+
 def test_names_of_one_letter_are_no_units_below_a_title(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text(f"Operator,Smith,Date,Day\nt,s,F,V\n{table(T, Y, Y, U)}", encoding="utf-8")
     assert read_recording(tmp_path / "r.csv", input_column="V", output_column="s").output_units == ("",)
