@@ -28,6 +28,7 @@ _DOUBTFUL = re.compile("F|l|(?i:in|ft|foot|feet|yd|dm|kp|dyn|kip|ksi|turns?)")
 _OF_NODE = re.compile(r"(?:[vV]\((?![mnuk]?V\))|[iI]\((?![mnpuk]?A\)))\w+\)")
 """Voltage of a node or current of a part, as circuit simulators name them: ``V(in)`` is in no inches."""
 TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
+_LIKE_TIME = re.compile("(?i)time|stamp|clock|zeit|elapsed|temps|tiempo")
 _NO_QUANTITIES = frozenset({"counts"})  # Words before a slash that belong to an unknown unit, as in ``counts/s``
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff(?!us)|d_?t(?![a-z])|(.*[^a-z]|temp)?(difference|rise|increase)\b)")
 _LAST_WORD = (
@@ -152,5 +153,5 @@ def _is_rate(before: str, unit: str) -> bool:
     """Return whether the text before a slash belongs to a unit; ``t/s`` and ``Zeit/s`` are times, any other ``/s`` is a
     rate.
     """
-    rate = UNITS[unit].si == "s" and before.lower() not in TIME_NAMES
+    rate = UNITS[unit].si == "s" and before.lower() not in TIME_NAMES and not _LIKE_TIME.search(before)
     return rate or bool(find_unit(before)) or before in _NO_QUANTITIES
