@@ -171,4 +171,5 @@ class Table(ABC):
     def unmistakable(self, column: int) -> str:
         """Return the header of a column, or its position if other columns have the same header."""
         header = self.headers[column]
-        return self.shown(column) if header and self.headers.count(header) == 1 else f"#{column + 1}"
+        written = self.shown(column) == header and self.headers.count(header) == 1  # neither clipped nor escaped
+        return header if header and written else f"#{column + 1}"
