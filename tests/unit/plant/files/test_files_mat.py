@@ -179,7 +179,7 @@ def test_numbers_in_an_unknown_scale_are_refused(tmp_path: Path, attribute: str,
         file["time_s"], file["command_V"], file["run/displacement"] = TIME, COMMAND, np.arange(N, dtype=kind)
         file["run/displacement"].attrs.update({"units": "mm", attribute: 2e-4})
     with pytest.raises(
-        DataError, match=rf'"run.displacement" .* attribute "{attribute}" is 0.0002; rename it to scale_f'
+        DataError, match=rf'"run.displacement" .* attribute "{attribute}" is 0.0002, which is not applied; scale'
     ):
         read_recording(tmp_path / "r.h5")
     with h5py.File(tmp_path / "r.h5", "r+") as file:
@@ -242,6 +242,24 @@ def test_marks_of_an_overflow_are_refused(tmp_path: Path, mark: float) -> None:
     (tmp_path / "r.csv").write_text(f"time_s,command_V,displacement_mm\n{rows}", encoding="utf-8")
     with pytest.raises(DataError, match=r'row 9, column "displacement_mm": .* marks an overflow or a missing value'):
         read_recording(tmp_path / "r.csv")
+
+
+@pytest.mark.parametrize(("scale", "offset", "refused"), [(1.0, 0.0, False), (1e-4, 0.0, True), (1.0, 2.0, True)])
+def test_a_scale_beside_values_and_unit_in_a_struct(tmp_path: Path, scale: float, offset: float, refused: bool) -> None:
+    """As Spike2 exports a channel."""
+    channels = {
+        name: {"units": unit, "values": values, "scale": scale, "offset": offset}
+        for name, unit, values in (("u", "V", COMMAND), ("y", "mm", 0.1 * COMMAND))
+    }
+    savemat(tmp_path / "r.mat", channels)
+    named = {"input_column": "u.values", "output_column": "y.values", "dt": 0.02}
+    if refused:
+        with pytest.raises(
+            DataError, match=r'"u.values" is in V, and its attribute "(scale|offset)" is .*, which is not'
+        ):
+            read_recording(tmp_path / "r.mat", **named)
+    else:
+        check(read_recording(tmp_path / "r.mat", **named))
 
 
 def test_fields_of_a_compound_data_set_are_columns(tmp_path: Path) -> None:

@@ -63,9 +63,7 @@ def test_the_unit_of_the_clock(path: Path) -> None:
 
 def test_a_scale_beside_a_unit_is_refused(path: Path) -> None:
     """DAQmx's own scales, in properties NI_..., are applied by nptdms."""
-    with pytest.raises(
-        DataError, match='"command_V" is in V, and its attribute "gain" is 10; rename it to scale_factor'
-    ):
+    with pytest.raises(DataError, match='"command_V" is in V, and its attribute "gain" is 10, which is not applied'):
         read_recording(save(path, *pair(WAVEFORM | {"unit_string": "V", "gain": 10.0})))
     check(read_recording(save(path, *pair(WAVEFORM | {"gain": 10.0, "wf_start_offset": 0.0}))))
 

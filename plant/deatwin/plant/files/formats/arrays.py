@@ -158,9 +158,9 @@ def require_no_scale(attributes: Mapping[str, Any], place: str, path: str) -> No
     for name, number in numeric(attributes).items():
         if _SCALING.fullmatch(name) and number != float("offset" not in name.lower()) and unit.lower() not in _COUNTED:
             raise DataError(
-                f'{path}: "{clipped(place)}" is in {clipped(unit)}, and its attribute "{clipped(name)}" is {number:g}; '
-                "rename it to scale_factor or add_offset if the values must be multiplied by it or increased by it, and "
-                f"remove it if they are in {clipped(unit)} already"
+                f'{path}: "{clipped(place)}" is in {clipped(unit)}, and its attribute "{clipped(name)}" is {number:g}, '
+                "which is not applied; scale the values and remove it, or only remove it if they are in "
+                f"{clipped(unit)} already (in HDF5 and NetCDF, scale_factor and add_offset are applied)"
             )
 
 

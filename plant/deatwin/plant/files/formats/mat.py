@@ -101,7 +101,11 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
             )
         named = {name: match for name in found if (match := _NAMES_UNIT.fullmatch(name))}
         units = {match[1] or match[2]: found[name] for name, match in named.items() if isinstance(found[name], str)}
-        units = {short.get(name, name): text for name, text in (_units_beside(found) | units).items()}
+        beside = _units_beside(found)
+        for name, unit in beside.items():
+            fields = {key.rpartition(".")[2]: value for key, value in found.items() if _struct(key) == _struct(name)}
+            require_no_scale({**fields, "units": unit}, name, path)
+        units = {short.get(name, name): text for name, text in (beside | units).items()}
         notes = {name: text for name, text in texts.items() if name not in units and text}
         return array_table(
             path,
@@ -118,9 +122,14 @@ def _units_beside(found: Mapping[str, Any]) -> dict[str, str]:
     structs: dict[str, list[str]] = {}
     for name, value in found.items():
         if isinstance(value, np.ndarray) and value.size > 1:
-            structs.setdefault(name.rpartition(".")[0], []).append(name)
-    said = {name.rpartition(".")[0]: text for name, text in found.items() if re.fullmatch(r"(?i).+\.units?", name)}
+            structs.setdefault(_struct(name), []).append(name)
+    said = {_struct(name): text for name, text in found.items() if re.fullmatch(r"(?i).+\.units?", name)}
     return {structs[struct][0]: text for struct, text in said.items() if len(structs.get(struct, ())) == 1}
+
+
+def _struct(name: str) -> str:
+    """Return the name of the struct that holds a field."""
+    return name.rpartition(".")[0]
 
 
 def _of_matrix(name: str, value: np.ndarray, lengths: set[int]) -> dict[str, np.ndarray]:
