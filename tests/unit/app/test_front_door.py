@@ -186,6 +186,8 @@ FILES = {
     "nameless.csv": table("time_s,command_V"),
     "name.csv": table('time_s,command_V,"displacement\n(mm)"'),
     "blank.csv": "",
+    "rates.csv": "t1_s,command_V,t2_s,y\n"
+    + "".join(f"{0.02 * k:.2f},{k}" + (f",{0.04 * k:.2f},{k}\n" if k < 20 else ",,\n") for k in range(40)),
     "series.csv": "time_s,field,value\n" + "".join(f"{0.02 * k:.2f},u,{k}\n{0.02 * k:.2f},y,{k}\n" for k in range(20)),
     "skipped.csv": "Date,time,command_V\n"
     + "".join(f"2024-05-0{1 + 2 * (k > 4)},12:00:0{k},{k % 3}\n" for k in range(10)),

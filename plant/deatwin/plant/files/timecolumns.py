@@ -58,6 +58,11 @@ def time_column(
         found = [column for column in found if holds_times(table, column) or _breaks_off(table, column)] or found
     if len(found) > 1 and needed and not _equal(table, found):
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
+        if any(_breaks_off(table, column) for column in found):
+            raise DataError(
+                f"{table.path}: the columns {listed} hold different times, and one of them ends before the others, so input and output "
+                "may have clocks of their own; interpolate one to the times of the other, and remove its times"
+            )
         one = ReadOptions(time_column=table.unmistakable(next((k for k in found if holds_times(table, k)), found[0])))
         raise DataError(
             f"{table.path}: each of the columns {listed} may hold the times, and they differ; name the column with the times of input and output: {one}",

@@ -158,7 +158,7 @@ REFUSED = {
     ),
     "times of a slower channel": (
         "t1_s,u_V,t2_s,y_mm\n" + table(T, U, [*(2 * T[:30]), *[""] * 30], [*Y[:30], *[""] * 30]),
-        '"t1_s" and "t2_s" may hold the times, and they differ',
+        '"t1_s" and "t2_s" hold different times, and one of them ends before the others',
     ),
     "frames behind a colon": (
         "Time,u_V,y_mm\n" + plain(f"10:11:{12 + k // 25}:{k % 25:02d}" for k in range(60)),
