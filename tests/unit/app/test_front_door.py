@@ -172,6 +172,7 @@ FILES = {
     "fake.lvm": table(),
     "bar.lvm": LVM.replace("Tab", "Bar"),
     "frequency.lvm": LVM.replace("Time\tTime\t", "Frequency\tFrequency\t"),
+    "milli.lvm": LVM.replace("X_Dimension", "X_Unit_Label\tms\tms\t\nX_Dimension"),
     "labels.lvm": LVM.replace("\tcommand\t", "\tcommand_mV\t"),
     "steps.lvm": LVM.replace("Delta_X\t0.02", "Delta_X\t0.01"),
     "others.lvm": LVM + LVM.partition("***End_of_Header***")[2].replace("displacement", "force"),
@@ -185,6 +186,15 @@ FILES = {
     "nameless.csv": table("time_s,command_V"),
     "name.csv": table('time_s,command_V,"displacement\n(mm)"'),
     "blank.csv": "",
+    "rates.csv": "t1_s,command_V,t2_s,y\n"
+    + "".join(f"{0.02 * k:.2f},{k}" + (f",{0.04 * k:.2f},{k}\n" if k < 20 else ",,\n") for k in range(40)),
+    "series.csv": "time_s,field,value\n" + "".join(f"{0.02 * k:.2f},u,{k}\n{0.02 * k:.2f},y,{k}\n" for k in range(20)),
+    "skipped.csv": "Date,time,command_V\n"
+    + "".join(f"2024-05-0{1 + 2 * (k > 4)},12:00:0{k},{k % 3}\n" for k in range(10)),
+    "parted.csv": "time_s,command_V,note\n"
+    + "".join(f"{0.02 * k:.2f},{'1,002' if k == 6 else k},\n" for k in range(40)),
+    "points.csv": decimals(*(f"{0.02 * k:.2f};{'999' if k % 2 else '1.125'}" for k in range(40))),
+    "clock.csv": table("time,command_V,displacement_mm", samples=0) + stamped("12:00:0{}"),
     "film.csv": HEADER + "".join(f"\n{0.02 * k:.2f},{2000 + k},0.3" for k in range(40)),
     "few.csv": table(samples=8),
     "high.csv": HEADER + "".join(f"\n{0.02 * k:.2f},{2 + 0.06 * k:.2f},0.3" for k in range(200)),
@@ -421,6 +431,7 @@ def write_recordings(desk: Path) -> None:
         "nan.mat": {**sound, "command_V": spoilt},
         "inf.mat": {**sound, "command_V": endless},
         "uneven.mat": {**sound, "displacement_mm": sound["displacement_mm"][1:]},
+        "over.mat": {**sound, "command_V": 1e30 * sound["command_V"]},
         "attribute.mat": {**sound, "units": {"command_V": "mV"}},
         "rates.mat": {**timeless, "ts": 0.02, "fs": 100.0},
         "clock.mat": {**timeless, "ts": 0.02},
@@ -436,6 +447,9 @@ def write_recordings(desk: Path) -> None:
     with File(desk / "gained.h5", "w") as file:
         file["command"] = np.arange(40)
         file["command"].attrs.update({"units": "V", "gain": 0.005})
+    hertz = {"wf_increment": 0.02, "wf_xunit_string": "Hz"}
+    with TdmsWriter(desk / "spectrum.tdms") as file:
+        file.write_segment([ChannelObject("one", name, values, hertz) for name, values in timeless.items()])
     with TdmsWriter(desk / "clocks.tdms") as file:
         file.write_segment(
             [

@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 
 _FEWEST = 64  # Samples of a record from which the top of its spectrum is the median of some lines
 _SHOWN = 3.0  # Times the highest excited frequency up to which the coherence is drawn
+_FAR = 10.0  # Distance of an equal reading from all others, in their range, from which it may mark a missing value
 _MARKED = {FindingKind.OUTLIERS: "outlier", FindingKind.CLIPPING: "at a limit", FindingKind.CONSTANT: "stands still"}
 """Findings that are marked in the picture, as it calls them."""
 
@@ -134,6 +135,7 @@ class Look:
         found += [str(link) for link in self.links]
         found += [] if self.best_linear is None else [str(self.best_linear)]
         found += [f"{finding.signal}: {finding.text.removeprefix(f'{finding.signal} ')}" for finding in self.findings]
+        found += _marks(self.recordings)
         return tuple(found)
 
     def __str__(self) -> str:
@@ -284,6 +286,20 @@ def _channels(records: Sequence[Recording]) -> tuple[ChannelLook, ...]:
                 )
             )
     return tuple(found)
+
+
+def _marks(records: Sequence[Recording]) -> list[str]:
+    """Ask for the meaning of an equal reading in several samples, far outside the range of all others."""
+    found = []
+    for row, (name, unit) in enumerate(zip(records[0].output_names, records[0].output_units, strict=True)):
+        values, counts = np.unique(np.concatenate([record.outputs[row] for record in records]), return_counts=True)
+        for k, rest in ((0, values[1:]), (-1, values[:-1])):
+            if rest.size > 1 and counts[k] > 1 and np.abs(rest - values[k]).min() > _FAR * np.ptp(rest):
+                found.append(
+                    f"{name}: {counts[k]} readings are {with_unit(values[k], unit)}, far outside all others; if that marks "
+                    "missing values, leave these cells empty"
+                )
+    return found
 
 
 def _noise(records: Sequence[Recording], pieces: Sequence[Array]) -> float | None:

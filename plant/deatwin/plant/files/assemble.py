@@ -12,7 +12,7 @@ from deatwin.plant.checks import check_command_range, check_motion
 from deatwin.plant.decimation import decimate
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import Piece, even_pieces
-from deatwin.plant.files.columns import extra_columns, with_readings
+from deatwin.plant.files.columns import extra_columns, require_wide, with_readings
 from deatwin.plant.files.dates import ORDERS, moment
 from deatwin.plant.files.formats.description import all_provenance
 from deatwin.plant.files.formats.table import Signal, Table, Timing
@@ -23,9 +23,10 @@ from deatwin.plant.files.timecolumns import (
     time_column,
     times_options,
     unit_of_steps,
+    unpadded,
     with_times,
 )
-from deatwin.plant.files.times import BEGAN, DATES
+from deatwin.plant.files.times import BEGAN, DATES, TIMES_OF_DAY
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import LIKE_TIMES, USUAL_TIMES
 from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
@@ -36,6 +37,8 @@ from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
 
 logger = logging.getLogger(__name__)
+
+_SLOW = 0.5  # Step, s, above which times without a unit may be in another one
 
 
 Floats = NDArray[np.float64]
@@ -82,7 +85,7 @@ def recordings_of(
     kept = _rows_with_values(
         table, {k: numbers[k] for k in needed_columns}, timed=times is not None, allow_gaps=allow_gaps
     )
-    numbers, kept, slow = _on_rows_read(table, numbers, kept, roles, times, reading)
+    numbers, kept, held = _on_rows_read(table, numbers, kept, roles, times, reading)
     if times is None and stated is None:
         raise no_times(table, set(used))
     told = None if times is None else numbers[times]
@@ -93,19 +96,26 @@ def recordings_of(
     told = None if counted else told
     if told is not None and times is not None and not unit and times not in table.scales:
         require_unit(bare, times, told)
-    ticks = times is not None and not unit and told is not None and _may_be_ticks(table, times, told)
+    unsaid = times is not None and not unit and not table.scales and table.headers[times] != USUAL_TIMES
+    steps = np.diff(told) if told is not None and unsaid else np.empty(0)
+    ticks = bool(steps.size and (steps > _SLOW).all() and np.allclose(steps, np.round(steps), rtol=0.0, atol=1e-6))
     remark = ""
     if times is not None and told is not None:
-        remark = _seconds_or_ticks(table, times, told) if ticks and stated is None else ""
+        slow = stated is None and steps.size and np.median(steps) > _SLOW
+        remark = _seconds_or_other(table, times, told) if slow else ""
     elif counted and times is not None and dt != 1.0:
         remark = f'the stated sample time was used, because the column "{table.shown(times)}" only counts the rows'
     elif stated:
         remark = _passed_over(table, used, stated.sample_time)
-    remark = "; ".join(text for text in (slow, remark) if text)
+    remark = "; ".join(text for text in (held, remark) if text)
     source = _Source(table=table, roles=roles, numbers=numbers, kept=kept, remark=remark)
     try:
         recordings = _recordings(source, told, stated, allow_gaps=allow_gaps, resample=resample, reading=reading)
     except DataError as error:
+        if times is not None and (fault := unpadded(table, times)):
+            raise DataError(fault) from None
+        if told is not None and (np.diff(told) <= 0.0).any():
+            require_wide(table)
         if times is None or not ticks:
             raise
         offers = ReadOptions(time_column=f"{table.unmistakable(times)}=ms")
@@ -128,8 +138,12 @@ def _rows_with_values(table: Table, needed: Mapping[int, Floats], *, timed: bool
         return np.flatnonzero(~lost)
     sample, count, offers = int(np.argmax(lost)), int(lost.sum()), NO_OPTIONS
     column = list(needed)[int(np.argmax(gone[:, sample]))]
-    if lost.all():
+    if gone.all(axis=1).any():
         advice = "give a column that has values"
+    elif lost.all():
+        advice = (
+            "no row has command and reading: fill the empty cells of the command with the command that was held then"
+        )
     elif not timed:
         advice = "fill it, or give a column of times"
     else:
@@ -183,8 +197,8 @@ def _on_rows_read(
 
 
 def _is_filled(table: Table, column: int) -> bool:
-    """Return whether a column has a value in every row."""
-    return all(text.strip() for text in table.texts(column))
+    """Return whether a column has a value in more than one row."""
+    return sum(bool(text.strip()) for text in table.texts(column)) > 1
 
 
 def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
@@ -206,23 +220,27 @@ def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
         )
 
 
-def _may_be_ticks(table: Table, times: int, told: Floats) -> bool:
-    """Return whether times without a unit may be counts, for instance of ms: they increase by whole numbers."""
-    steps = np.diff(told)
-    whole = bool(steps.size and (steps > 0.5).all() and np.allclose(steps, np.round(steps), rtol=0.0, atol=1e-6))
-    return whole and not table.scales and table.headers[times] != USUAL_TIMES
-
-
 def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     """Return recordings on the clock of the earliest one, if all state the date of their time zero."""
     dates = [recording.provenance.get(STARTED, recording.provenance.get(BEGAN)) for recording in recordings]
     files = " and ".join(label(recording) for recording in recordings)
-    if None in dates and len(dates) > 1 and any(one.provenance.get("times") == DATES for one in recordings):
+    undated = [one for one, date in zip(recordings, dates, strict=True) if date is None]
+    if len(dates) > 1 and any(one.provenance.get("times") == DATES for one in undated):
         raise DataError(
             f"{files}: some of their dates may have the day, the month or the year first, and none shows which; state the order "
             f"for all: --time-column NAME={ORDERS[0]}, NAME={ORDERS[1]} or NAME={ORDERS[2]}"
         )
-    if None in dates or len(set(dates)) < 2:
+    of_day = any(one.provenance.get("times") == TIMES_OF_DAY for one in undated)
+    if (
+        undated
+        and len({one.provenance.get("file") for one in recordings}) > 1
+        and (of_day or len(undated) < len(dates))
+    ):
+        raise DataError(
+            f"{files}: the times of {label(undated[0])} tell no date, so the time between the files is unknown; write date and "
+            "time in one column of each file, or put --experiment before each file that began from rest"
+        )
+    if undated or len(set(dates)) < 2:
         return tuple(recordings)
     try:
         began = [moment(str(date)) for date in dates]
@@ -394,12 +412,12 @@ def _passed_over(table: Table, used: Sequence[int], dt: float) -> str:
     return ""
 
 
-def _seconds_or_ticks(table: Table, times: int, told: Floats) -> str:
-    """Ask for the unit of times that are whole numbers without one and were taken as seconds."""
+def _seconds_or_other(table: Table, times: int, told: Floats) -> str:
+    """Ask for the unit of times without one that would be slow as seconds."""
     named, step = f'--time-column "{table.unmistakable(times)}', float(np.median(np.diff(told)))
     counted = "do they count the samples? Then state the sample time, --dt SECONDS; " if step == 1.0 else ""
     return (
-        f'the column "{table.shown(times)}" gives no unit, and its whole steps were taken as seconds, '
+        f'the column "{table.shown(times)}" gives no unit, and its steps were taken as seconds, '
         f'{step:g} s a sample; {counted}are they milliseconds? Then state {named}=ms", else {named}=s"'
     )
 

@@ -32,6 +32,7 @@ _ROUNDED_STEPS = 0.1  # Least share of unusual steps if the times are rounded
 _AGREE = 0.0025  # Distance from the even clock, in samples, up to which a start is kept as in the file
 _FEW_GAPS = 3  # Number of gaps that a record of any length may have
 _GAP = 1.6  # Step above which there is a gap, in samples
+_FULL = 1e-4  # Relative difference from the size of a counter at which times that fall tell its overflow
 _SLACK = 1.1  # Factor on the tolerance, because rounded times move the fitted clock a little
 
 
@@ -114,6 +115,7 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
         restarts = timepts[row] <= timepts[0] + np.median(np.abs(steps))
         advice = "there the clock starts again: give each run its own file" if restarts else "put the rows in order"
         advice = "the rows run backwards: put them in order" if back.mean() > 0.5 else advice
+        advice = _overflow(float(np.median(np.abs(steps)) - steps[row - 1])) or advice
         advice = _summer_time(steps[row - 1], float(np.median(np.abs(steps)))) + advice
     elif rounded := rounded_clock(timepts):
         offers = ReadOptions(dt=float(f"{rounded.sample_time:.9g}"))
@@ -124,6 +126,13 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
         f"{where(row)}: times do not increase: {timepts[row]:.9g} s follows {timepts[row - 1]:.9g} s{more}; {advice}",
         offers,
     )
+
+
+def _overflow(back: float) -> str:
+    """Return the advice if times fall by as much, s, as a counter of 16 or 32 bits holds in s, ms or us; else empty."""
+    full = (2.0**bits / rate for bits in (32, 16) for rate in (1e6, 1e3, 1.0))
+    size = next((size for size in full if abs(back / size - 1.0) < _FULL), None)
+    return "" if size is None else f"there the counter of the times began again at 0: add {size:.10g} s from there on"
 
 
 def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float, tolerance: float) -> Iterator[Piece]:

@@ -1,16 +1,20 @@
 """Find the columns of a table that hold the input, the output and the further channels."""
 
+import re
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
+from itertools import compress
 
 from deatwin.plant.errors import DataError, nearest
-from deatwin.plant.files.csvtext import header_line
+from deatwin.plant.files.csvtext import header_line, is_number
+from deatwin.plant.files.dates import is_date
 from deatwin.plant.files.formats.table import Table, is_place
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.timecolumns import holds_times, likely_times, time_column, times_options
 from deatwin.plant.files.units import UNITS, find_unit
-from deatwin.plant.files.usual import COLUMNS
+from deatwin.plant.files.usual import COLUMNS, LIKE_TIMES
 from deatwin.plant.files.wanted import in_units, require_known_units, split_stated
 from deatwin.plant.readings import Reading
 from deatwin.plant.readoptions import NO_OPTIONS
@@ -20,6 +24,7 @@ _USUAL = {"input": "command", "output": "displacement"}
 _EXTRAS = ("film_voltage", "current", "capacitance", "temperature", "force")
 # Likeness to a usual header from which an unused column is refused as a misspelling.
 _MISSPELT = 0.85
+_CHANNELS = 50  # Largest number of channels in a table with one row for each reading
 
 
 def chosen_columns(
@@ -47,6 +52,29 @@ def chosen_columns(
     return chosen
 
 
+def require_wide(table: Table) -> None:
+    """Refuse a table with one row for each reading of each channel, as databases of time series write it."""
+    for column in range(len(table.headers)):
+        cells = list(table.texts(column))
+        often = Counter(cells)
+        if (
+            1 < len(often) <= _CHANNELS
+            and 1 < min(often.values()) == max(often.values())
+            and all(re.search(r"[^\W\d_]", cell) and not is_date(cell) and not is_number(cell) for cell in often)
+            and len(_varying(table, [cell == cells[0] for cell in cells])) < 2
+        ):
+            raise DataError(
+                f'{table.path}: the column "{table.shown(column)}" seems to name the channel of each row; give each channel a '
+                "column of its own, in Python with DataFrame.pivot of pandas"
+            )
+
+
+def _varying(table: Table, rows: list[bool]) -> list[int]:
+    """Return the columns of numbers that vary within some rows, without the times."""
+    signals = [k for k, name in enumerate(table.names) if not LIKE_TIMES.search(name) and table.unit(k).si != "s"]
+    return [k for k in signals if works(table, k) and len(set(compress(table.texts(k), rows))) > 1]
+
+
 def _quietly(table: Table, role: str, wanted: str | None) -> tuple[int, ...]:
     """Return the columns for a role; empty if they cannot be determined."""
     try:
@@ -71,6 +99,7 @@ def _twice(
     said = [f"named as {role}" if asked.get(role) else f"the usual {role}" for role in roles]
     free = [role for role in roles if not asked.get(role)] or [roles[1]]
     role, busy = free[0], {column, *_others(table, free[0], asked)}
+    require_wide(table)
     fits = partial(holds_times, table) if role == "time" else partial(works, table, unit=units.get(role))
     other = next((k for k in range(len(table.headers)) if k not in busy and fits(k)), None)
     way = NO_OPTIONS
@@ -226,6 +255,7 @@ def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset())
 
 def _no_column(table: Table, name: str, advice: str, works: Callable[[int], bool]) -> DataError:
     """Return an error for a missing column, which may offer another one."""
+    require_wide(table)
     usual = COLUMNS[name]
     return DataError(
         f'{table.path}: no column "{usual}"; the file has {table.listing()}{table.near(usual, works)} ({advice})'

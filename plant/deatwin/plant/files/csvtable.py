@@ -26,10 +26,12 @@ from deatwin.plant.files.csvtext import (
     is_number,
     names_and_units,
     require_no_settings,
+    require_whole_numbers,
     split_cells,
+    without_index_line,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
-from deatwin.plant.files.formats.table import Declared, Table
+from deatwin.plant.files.formats.table import OVERFLOW, Declared, Table
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.units import Unit, find_unit
 from deatwin.plant.files.usual import LIKE_TIMES
@@ -39,14 +41,15 @@ DESCRIPTION = f"# {SCHEMA} "  # Start of a line above the header that holds a de
 _GZIP = b"\x1f\x8b"  # First bytes of a gzip file
 EXACT = Context(prec=800)  # Decimal context with enough digits for the exact sum of any two floats
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-precision number in Fortran
-_OVERFLOWS = np.array([9.9e37, 9.91e37])  # Infinity and no number from instruments (SCPI-1999, volume 1, section 7.2.1)
-_LARGE = 1e20  # SI value that an overflow exceeds in any unit
 _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
 )  # Mark between thousands that no decimal sign can be
 _DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a minus sign
 _UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+_INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points between thousands
+_DIGITS = 3  # Number of digits in a group of thousands
+_FEW = 1000  # Number of cells that are looked at first
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,9 +112,7 @@ class CsvTable(Table):
             found = np.asarray(scale.seconds(cells) if scale else _si(cells, self.unit(column)), dtype=np.float64)
         except (ValueError, TypeError, ArithmeticError):  # ArithmeticError: outside the range of Decimal
             return None
-        large = np.abs(found[np.abs(found) > _LARGE])
-        overflows = scale is None and np.isclose(large[:, np.newaxis], self.unit(column).to_si(_OVERFLOWS)).any()
-        return found if np.isfinite(found).all() and not overflows else None
+        return found if np.isfinite(found).all() and (np.abs(found) <= OVERFLOW).all() else None
 
     def _dated(self, column: int) -> bool:
         """Return whether a column holds dates or times of day."""
@@ -142,11 +143,15 @@ class CsvTable(Table):
             if len(row) > count and any(cell.strip() for cell in row[count:]) and not is_comment(row[count]):
                 hint = grouped(self.lines[sample], self.delimiter)
                 raise DataError(f"{self.where(sample)}: the row has {len(row)} cells, but the header has {count}{hint}")
+        if self.delimiter == ",":
+            require_whole_numbers(self.lines, self.rows, list(map(len, rows)), count, self.path)
         return rows
 
     def _with_decimal_points(self, columns: Sequence[int], texts: list[list[str]]) -> list[list[str]]:
         """Return the cells with decimal points, if their commas are certainly decimal commas."""
         if not any("," in cell for cells in texts for cell in cells):
+            for column, cells in zip(columns, texts, strict=True):
+                self._require_no_thousands(column, cells)
             return texts
         comma = point = ""  # Places of the first cell with a comma and of the first with a point
         sure = False
@@ -175,6 +180,20 @@ class CsvTable(Table):
                 "write it with a decimal point"
             )
         return [[cell.replace(",", ".") for cell in cells] for cells in texts]
+
+    def _require_no_thousands(self, column: int, cells: list[str]) -> None:
+        """Refuse a column in which 999 and 1.234 stand, and no number that shows whether the point parts thousands."""
+        first = cells[:_FEW]
+        if not all(map(_INTEGER.fullmatch, map(str.strip, first))) or not any("." in cell for cell in first):
+            return
+        hundreds = any("." not in cell and len(cell.strip("+- ")) == _DIGITS for cell in first)
+        if not hundreds or not all(map(_INTEGER.fullmatch, map(str.strip, cells))):
+            return
+        sample = next(k for k, cell in enumerate(cells) if "." in cell)
+        raise DataError(
+            f'{self.where(sample)}, column "{self.shown(column)}": "{clipped(cells[sample])}" may mean thousands or a decimal '
+            "point, and no number in the column shows which; write all numbers with as many decimals, or without the point"
+        )
 
     def _bad_cell(self, columns: Sequence[int], missing: Collection[int]) -> DataError:
         """Return the error of the first cell that is not a finite number; those of `missing` columns may be empty."""
@@ -208,9 +227,9 @@ class CsvTable(Table):
                     )
                 if not is_number(cell.replace(",", ".")):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number{_advice(cell)}')
-                if not np.isfinite(float(cell.replace(",", "."))):
+                if not np.isfinite(number := np.array(float(cell.replace(",", ".")))):
                     return DataError(f"{place}: {clipped(cell)} is not a finite number")
-                if np.isclose(abs(float(cell.replace(",", "."))), _OVERFLOWS).any():
+                if np.abs(self.unit(column).to_si(number)) > OVERFLOW:
                     return DataError(
                         f"{place}: {clipped(cell)} marks an overflow or a missing value; leave the cell empty"
                     )
@@ -265,7 +284,7 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
         declared = read_description(filled.pop(0)[1].removeprefix(DESCRIPTION), name)
     if not filled:
         raise DataError(f"{name}: the file is empty; it must hold a header, with the names of its columns, and samples")
-    rows, lines = [row for row, _ in filled], [line for _, line in filled]
+    lines, rows = without_index_line([line for _, line in filled], [row for row, _ in filled])
     layout = find_layout(lines, rows, name)
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)

@@ -19,6 +19,7 @@ from deatwin.plant.safe_read import clipped
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 BLANKS = " "  # Delimiter that stands for any run of blanks and tabs
 _HEAD = 1000  # Largest number of lines before the samples
+_SHOWN = 10  # Largest number of columns in an example header
 _HEADERS = 4  # Largest number of lines with names, units and remarks
 _LIKE_SAMPLES = 3  # Number of lines after the header that must hold numbers, if the file has as many
 _SETTINGS = re.compile(
@@ -29,7 +30,9 @@ _SETTINGS = re.compile(
 _SCALES = re.compile("(?i)scal|offset|gain|factor|zero|sensitiv|slope|calib|skal|faktor|null|empfind")
 _NAMES_LABEL = re.compile(r"(?i)(trace|channel|signal)[ _]?(name|title)s?\b")  # Word before the names
 _TIMES = ("s", "ms", "us", "ns", "min", "h")
-_UNITS_LABEL = re.compile(r"(?i)(units?|einheit(en)?|unités?)\s*:?")  # Word before the units in their line
+_UNITS_LABEL = re.compile(
+    r"(?i)(units?|einheit(en)?|unités?)\s*:?|#+|//+"
+)  # Word or mark before the units in their line
 NO_VALUE = frozenset(
     {
         "",
@@ -52,8 +55,10 @@ NO_VALUE = frozenset(
 )
 """Marks of a missing value, in lower case: words and dashes, C's numbers that are none, and errors of Excel."""
 _COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
-_GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+")
+_GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|[\d:]*\d:\d\d,\d{3}(?!\d)")
+_THOUSANDS = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+(?![\d:])(?:\.\d+)?")
 _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # Blanks that are neither before nor inside brackets
+_INDEX_LINE = re.compile(r"([^,;\t|]*)(([,;\t|])\3*)")  # At most a name, and empty cells
 _FAR_APART = re.compile(r"\s{2,}|\t")
 
 
@@ -78,7 +83,7 @@ def decode(content: bytes, path: str) -> str:
             return content.decode(bare or "utf-16")
         except UnicodeDecodeError as error:
             raise DataError(f"{path}: the UTF-16 text breaks off at byte {error.start}; save the file again") from None
-    written = content.rstrip(b"\0")  # a logger that loses power leaves the rest of its file unwritten
+    written = content.rstrip(b"\0\x1a")  # a logger that loses power leaves the rest unwritten; DOS marks the end
     content = written if written.endswith(b"\n") else content  # in the middle of a row, a number may be cut
     if b"\0" in content:
         book = "; end the name of an Excel workbook in .xlsx" if content[:2] == b"PK" else ""
@@ -117,6 +122,32 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
     raise _no_layout(lines, rows, marks[0], path)
 
 
+def without_index_line(lines: list[str], rows: list[int]) -> tuple[list[str], list[int]]:
+    """Return lines and rows of a table of pandas without the line that names only its index, below several names.
+
+    The name of the index is put before the names of the columns, where a level's name or nothing stands.
+    """
+    for k, line in enumerate(lines[1:_HEAD], 1):
+        found = _INDEX_LINE.fullmatch(line)
+        if not found or k + 1 == len(lines):
+            continue
+        delimiter, count = found[2][0], len(found[2])
+        cells = [split_cells(other, delimiter) for other in lines[: k + 2]]
+        above = next(
+            (j for j in range(k, 0, -1) if lines[j - 1].count(delimiter) != count or _holds_number(cells[j - 1])), 0
+        )
+        if k - above < 2 or _kind(cells[k + 1][0]) not in ("number", "date"):
+            continue
+        head, name = lines[above:k], found[1].strip()
+        if name and not any(find_unit(row[0]) for row in cells[above:k]):
+            head = [
+                other if _are_units(row[1:]) else name + delimiter + other.partition(delimiter)[2]
+                for other, row in zip(head, cells[above:k], strict=True)
+            ]
+        return [*lines[:above], *head, *lines[k + 1 :]], rows[:k] + rows[k + 1 :]
+    return lines, rows
+
+
 def require_no_settings(lines: list[str], rows: list[int], delimiter: str, path: str) -> None:
     """Refuse samples that begin or end with lines of a word and numbers, such as scales, units and mean values.
 
@@ -147,6 +178,7 @@ def header_line(width: int, delimiter: str, times: int | None = 0) -> str:
     """Return an example header for rows of a number of cells, one of them the times, for an error text."""
     usual = ["command_V", "displacement_mm"]
     names = ["time_s" if k == times else usual.pop(0) if usual else f"column_{k + 1}" for k in range(width)]
+    names[_SHOWN:] = ["..."] if width > _SHOWN else []
     return f"{' '.join(names)}, parted by tabs" if delimiter == "\t" else delimiter.join(names)
 
 
@@ -179,9 +211,26 @@ def formula(cell: str) -> str:
 
 
 def grouped(line: str, delimiter: str) -> str:
-    """Return the end of an error text for a line whose commas are both delimiters and digit separators."""
+    """Return the end of an error text for a line whose commas are both delimiters and parts of a number."""
     found = _GROUPED.search(line) if delimiter == "," else None
+    if found and ":" in found[0]:
+        return f"; is {found[0]} one time? Then write it with a decimal point"
     return f"; is {found[0]} one number? Then write it without the comma" if found else ""
+
+
+def require_whole_numbers(lines: list[str], rows: list[int], widths: list[int], count: int, path: str) -> None:
+    """Refuse lines, separated by commas, that a comma between thousands lengthens beyond the header's `count` of cells.
+
+    The last cells are empty, so that the numbers behind the comma would be read one column too far left.
+    """
+    wide = [k for k, width in enumerate(widths) if width > count]
+    split = [(k, found[0]) for k in wide if (found := _THOUSANDS.search(lines[k]))]
+    if split and (len(wide) < len(lines) or len(split) == len(lines)):
+        k, number = split[0]
+        raise DataError(
+            f"{path}, row {rows[k]}: the row has {widths[k]} cells, but the header has {count}; is {number} one number? Then "
+            "write it without the comma, else remove the commas at the end of the row"
+        )
 
 
 def is_number(cell: str) -> bool:
@@ -276,7 +325,8 @@ def _are_mostly_units(cells: list[str], names: list[str]) -> bool:
 def _stand_above(units: list[str], names: list[str]) -> bool:
     """Return whether units stand above the names instead of below them."""
     several = sum(map(bool, map(find_unit, units))) > 1 and len(units) <= len(names)
-    return several and _are_units(units) and all(names) and not any(map(find_unit, names))
+    named = all(name for name, unit in zip(names, units, strict=False) if unit)  # the number of a row may have no name
+    return several and _are_units(units) and named and not any(map(find_unit, names))
 
 
 def _are_quantities(cells: list[str]) -> bool:
@@ -452,8 +502,8 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
             if place:
                 return DataError(f"{path}, row {rows[place[0]]}: {formula(place[1])}")
             row = next((k for k in range(1, len(cells)) if len(cells[k]) == max(map(len, cells))), 0)
-            first = next((cell for cell in cells[row] if cell), "")
-            found = f', and in row {rows[row]} "{clipped(first, 40)}" is not a number' if row else ""
+            first = next((cell for cell in cells[row] if _kind(cell) not in ("", "date")), "")
+            found = f', and in row {rows[row]} "{clipped(first, 40)}" is not a number' if row and first else ""
             return DataError(
                 f"{path}: the file has a header but no samples: no row holds numbers{found}"
                 if row

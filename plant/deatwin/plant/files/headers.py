@@ -9,13 +9,13 @@ _IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
 _REMARK = re.compile(r"(.+[)\]])\s*(\([^()\d]*\)|\[[^\[\]\d]*\])")  # behind the unit; with a digit, it may be a factor
 _QUOTIENT = re.compile(r"(.+?)_([^\W_]+)_(per_)?([^\W\d_][^\W_]*)")
 _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
-_IN_WORDS = re.compile(r"(.+?)(?:\s+in\s+|\s*,\s*)(\S.*)")
+_IN_WORDS = re.compile(r"(.+?)(?:\s+(?:in|en)\s+|\s*,\s*)(\S.*)")
 _DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*(\([^()]*\)|\[[^\[\]]*\]|[^\s/]+)")
 _FORMS = (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED)
 """Patterns of a header with a unit; the second group is the unit."""
 _TIMES = re.compile(
     r"((?:(?:.*[^a-z])?t|.*(?:time|stamp|epoch|clock|zeit|unix|elapsed|ticks?)))[\s_.:-]*?"
-    r"(?:(?<![a-z0-9])(s)|(millis|micros|nanos|[mun]?sec(?:ond)?s?|(?:milli|micro|nano)seconds?|[mun]s))",
+    r"(?:(?<![a-z0-9])(s|h|min)|(hours?|hrs?|stunden|minut(?:es?|en)|days?|millis|micros|nanos|[mun]?sec(?:ond)?s?|(?:milli|micro|nano)seconds?|[mun]s))",
     re.IGNORECASE,
 )
 """Header of a time column that ends in its unit without a separator."""
@@ -25,7 +25,10 @@ _UNIT_ALONE = re.compile(r"(?:in\s+)?(\(.*\)|\[.*\]|(?<=\s)\S+)")
 """Header without a name, of which brackets or the word *in* say that it is a unit: ``[s]``, ``in s``."""
 _DOUBTFUL = re.compile("F|l|(?i:in|ft|foot|feet|yd|dm|kp|dyn|kip|ksi|turns?)")
 """Units recognised in brackets only, because names have these endings, too: of forces and lengths, ``u_in``, ``kp``."""
+_OF_NODE = re.compile(r"(?:[vV]\((?![mnuk]?V\))|[iI]\((?![mnpuk]?A\)))\w+\)")
+"""Voltage of a node or current of a part, as circuit simulators name them: ``V(in)`` is in no inches."""
 TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
+_LIKE_TIME = re.compile("(?i)time|stamp|clock|zeit|elapsed|temps|tiempo")
 _NO_QUANTITIES = frozenset({"counts"})  # Words before a slash that belong to an unknown unit, as in ``counts/s``
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff(?!us)|d_?t(?![a-z])|(.*[^a-z]|temp)?(difference|rise|increase)\b)")
 _LAST_WORD = (
@@ -56,6 +59,8 @@ _ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
 def split_unit(header: str) -> tuple[str, str]:
     """Return name and unit of a column header; the unit is empty if it is unknown or may belong to the name."""
     header = header.translate(FULL_WIDTH)
+    if _OF_NODE.fullmatch(header):
+        return header, ""
     match = _QUOTIENT.fullmatch(header)
     doubtful = match and not match[3] and any(map(_DOUBTFUL.fullmatch, (match[2], match[4])))
     if match and not doubtful and (unit := find_unit(f"{match[2]}/{match[4]}")):
@@ -118,7 +123,7 @@ def said_unit(header: str) -> str:
     >>> said_unit("count [lines/min]"), said_unit("command_Mv"), said_unit("U_cmd"), said_unit("x (1)")
     ('lines/min', 'Mv', '', '')
     """
-    for form in _FORMS:
+    for form in () if _OF_NODE.fullmatch(header) else _FORMS:
         if match := form.fullmatch(header.translate(FULL_WIDTH)):
             said = match[2].strip("()[] ")
             if _is_doubtful(form, said):
@@ -148,5 +153,5 @@ def _is_rate(before: str, unit: str) -> bool:
     """Return whether the text before a slash belongs to a unit; ``t/s`` and ``Zeit/s`` are times, any other ``/s`` is a
     rate.
     """
-    rate = UNITS[unit].si == "s" and before.lower() not in TIME_NAMES
+    rate = UNITS[unit].si == "s" and before.lower() not in TIME_NAMES and not _LIKE_TIME.search(before)
     return rate or bool(find_unit(before)) or before in _NO_QUANTITIES

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
-from deatwin.plant.files.dates import ORDERS, date_orders
+from deatwin.plant.files.dates import ORDERS, date_orders, day_seconds, is_date, moment
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.headers import TIME_NAMES
 from deatwin.plant.files.times import TIME_UNITS, time_scale
@@ -26,9 +26,11 @@ _STAMP_NAMES = (
     *("ts", "timestamp", "datetime", "unixtime", "times", "elapsed", "elapsedtime", "date", "zeitstempel"),
     *("datum", "datumuhrzeit", "datumzeit", "horodatage", "fecha", "fechahora"),
 )
-_CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0))  # Days from 1990 to 2100, counted from 1900 and from 0
+_CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0), (2447892.0, 2488070.0))
+"""Days from 1990 to 2100, counted from 1900, from 0, and as Julian dates."""
 _SHORT = 1e-4  # Step below which times in s may be days, in which it is less than nine seconds
 _ROUNDED = 1e-6  # Relative error of a step from times with too few digits
+_IN_WORDS = re.compile(r".*\s(?:in|en)\s+([^\W\d_]+)")  # Header that ends in words for a unit, known or not
 _LISTED = 5  # Largest number of columns that an error lists
 
 
@@ -45,6 +47,7 @@ def time_column(
     usual = [column for column in likely if table.headers[column] == USUAL_TIMES]
     named = [column for column in likely if _plain(table.names[column]) in TIME_NAMES]
     stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
+    stamped = [column for column in stamped if len(set(table.texts(column))) > 1]  # the date of a day
     fields = [column for column in likely if _plain(_field(table.names[column])) in (*TIME_NAMES, *_STAMP_NAMES)]
     inner = [column for column in fields if needed and holds_times(table, column)]
     first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
@@ -55,7 +58,12 @@ def time_column(
         found = [column for column in found if holds_times(table, column) or _breaks_off(table, column)] or found
     if len(found) > 1 and needed and not _equal(table, found):
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
-        one = ReadOptions(time_column=table.unmistakable(found[0]))
+        if any(_breaks_off(table, column) for column in found):
+            raise DataError(
+                f"{table.path}: the columns {listed} hold different times, and one of them ends before the others, so input and output "
+                "may have clocks of their own; interpolate one to the times of the other, and remove its times"
+            )
+        one = ReadOptions(time_column=table.unmistakable(next((k for k in found if holds_times(table, k)), found[0])))
         raise DataError(
             f"{table.path}: each of the columns {listed} may hold the times, and they differ; name the column with the times of input and output: {one}",
             one,
@@ -175,6 +183,8 @@ def with_times(table: Table, column: int, unit: str) -> Table:
     # A file written by deatwin reads back unchanged, whatever its clock.
     if scale and scale.unit and (table.declared.signals or table.headers[column] == USUAL_TIMES):
         scale = None
+    if scale and scale.texts and scale.began is None:
+        _require_no_skipped_days(table, column)
     if order and not scale:
         raise DataError(f'{table.path}: the column "{table.shown(column)}" holds no dates; remove "={order}"')
     if scale and not scale.order and len({re.split("[T ,]", text.strip())[0] for text in table.texts(column)}) > 1:
@@ -190,14 +200,42 @@ def with_times(table: Table, column: int, unit: str) -> Table:
     return replace(table, units=units, scales={column: scale} if scale else {})
 
 
+def _require_no_skipped_days(table: Table, column: int) -> None:
+    """Refuse times of day beside a column of dates, if a date changes where the times do not pass as many midnights."""
+    dated = [k for k in range(len(table.headers)) if k != column and is_date(next(iter(table.texts(k)), "").strip())]
+    for beside in dated:
+        dates = list(table.texts(beside))
+        if len(set(dates)) < 2:
+            continue
+        try:
+            days = [time // 86400 for time in day_seconds(table.texts(column))]
+        except ValueError:  # the error of the bad cell comes later
+            return
+        orders = date_orders(dates)
+        for k in np.flatnonzero([b != a for a, b in pairwise(dates)]) + 1:
+            try:
+                before, after = (moment(cell, orders[0]) for cell in dates[k - 1 : k + 1])
+            except ValueError:
+                continue
+            passed = (after.date() - before.date()).days
+            passed = passed if len(orders) == 1 else int(passed != 0)  # if ambiguous, each change is one day
+            if before.tzinfo is after.tzinfo is None and days[k] - days[k - 1] != passed:
+                raise DataError(
+                    f'{table.where(int(k))}: in the column "{table.shown(beside)}" {clipped(dates[k])} follows '
+                    f'{clipped(dates[k - 1])}, but the times in the column "{table.shown(column)}" do not pass as '
+                    "many midnights there; write date and time in one column"
+                )
+
+
 def require_unit(table: Table, column: int, times: Floats) -> None:
-    """Refuse times in an unknown unit, or in none if they may be dates of a spreadsheet or of MATLAB: as many days as
-    since 1900 or since the year 0, in steps that would be very short as seconds. A time of day is a part of a day, long
-    after midnight; neither step nor rate is a round number unless the times are counted in days.
+    """Refuse times in an unknown unit, or in none if they may be days of a calendar: as many as in one of `_CALENDARS`, in
+    steps that would be very short as seconds. A time of day is a part of a day, long after midnight; neither step nor
+    rate is a round number unless the times are counted in days.
     """
     place = f'{table.path}: the times in the column "{table.shown(column)}"'
     options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in TIME_UNITS}
-    if said := "" if table.units[column] else table.own_unit(column):
+    words = _IN_WORDS.fullmatch(table.headers[column])
+    if said := "" if table.units[column] else table.own_unit(column) or (words[1] if words else ""):
         like = options.get(said.lower(), NO_OPTIONS)  # only capitals differ; any other unit is the user's to state
         raise DataError(
             f'{place} are said to be in "{clipped(said)}", which is not a known unit of time; state one, such as '
@@ -220,6 +258,28 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
 def _is_round(step: float) -> bool:
     """Return whether a positive number has at most two digits, but for rounding."""
     return abs(step / float(f"{step:.1e}") - 1.0) < _ROUNDED
+
+
+def unpadded(table: Table, column: int) -> str:
+    """Return the fault of times whose fractions lack zeros in front, as in 1.5 for 1.005; empty if they increase as such."""
+    cells = [cell.strip() for cell in table.texts(column)]
+    parts = [re.fullmatch(r"(.*\d)\.(\d{1,6})", cell) for cell in cells]
+    digits = max((len(part[2]) for part in parts if part), default=0)
+    padded = [f"{part[1]}.{part[2]:0>{digits}}" for part in parts if part]
+    short = next((k for k, part in enumerate(parts) if part and int(part[2]) and len(part[2]) < digits), None)
+    if short is None or len(padded) < len(cells):
+        return ""
+    scale = time_scale(cells, table.units[column])
+    try:
+        times = np.array(scale.seconds(padded) if scale else list(map(float, padded)))
+    except ValueError:
+        return ""
+    if (np.diff(times) <= 0.0).any():
+        return ""
+    return (
+        f'{table.where(short)}, column "{table.shown(column)}": the fractions lack zeros in front, because as written the '
+        f'times go back; write "{clipped(cells[short])}" as "{clipped(padded[short])}", and so on'
+    )
 
 
 def no_times(table: Table, taken: set[int]) -> DataError:

@@ -15,7 +15,7 @@ from deatwin.plant.files.units import UNITS
 from deatwin.plant.safe_read import clipped
 
 BEGAN = "clock_began"  # Key of the provenance for the date at which the clock is zero
-DATES = "dates"
+DATES, TIMES_OF_DAY = "dates", "times of day"
 TIME_UNITS = tuple(name for name, unit in UNITS.items() if unit.si == "s")
 _SIZED = ("s", "ms", "us", "ns")
 _FIRST, _LAST = 10**9, 3 * 10**9  # Range of values taken as Unix times, s: September 2001 to January 2065
@@ -41,7 +41,7 @@ class TimeScale:
         """Description of how the values were read."""
         if self.unit:
             return f"Unix times in {self.unit}"
-        return DATES if self.began else "times of day"
+        return DATES if self.began else TIMES_OF_DAY
 
     @property
     def provenance(self) -> dict[str, str]:
@@ -75,7 +75,11 @@ class TimeScale:
         try:
             date = moment(cell, self.order)
         except ValueError:
-            zone = "; give a time zone as an offset from UTC, +02:00" if re.search(r"\d.*[A-Za-z]{3}\W*$", cell) else ""
+            zone = (
+                "; give a time zone as an offset from UTC, +02:00"
+                if re.search(r"\d.*[A-Za-z]{3}[^A-Za-z]*$", cell)
+                else ""
+            )
             return f'"{clipped(cell)}" is not a date, such as 2024-05-01 12:00:00.25 or 1.5.2024 12:00:00{zone}'
         if (date.tzinfo is None) != (self.began.tzinfo is None):
             return f'"{clipped(cell)}": of the dates, some have an offset from UTC and others have none'

@@ -145,6 +145,8 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
     # A column with a single bad cell is still a candidate; the next error names that cell.
     free = [k for k in left if works(table, k) or _mostly_numbers(table, k)]
     free = [k for k in free if not _counts(table, k)] or free
+    if len(known) + len(free) < 2:  # the next error names a cell that is no number
+        free += [k for k in left if k not in free and table.unit(k).si]
     found = NO_OPTIONS
     for role in (role for role in ("input", "output") if role not in known and free):
         other = _WORDS["output" if role == "input" else "input"]
@@ -164,7 +166,7 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
 
 
 def _mostly_numbers(table: Table, column: int) -> bool:
-    cells = list(table.texts(column))
+    cells = [cell for cell in table.texts(column) if cell.strip()]
     return 2 * sum(map(bool, map(_LIKE_NUMBER.fullmatch, cells))) > len(cells)
 
 

@@ -8,6 +8,7 @@ temperature and coulomb behind that of a charge, else unknown.
 
 import math
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -210,7 +211,9 @@ _PREFIXES = {
     "pico": "p",
     "nano": "n",
     "micro": "u",
+    "mikro": "u",
     "milli": "m",
+    "mili": "m",
     "centi": "c",
     "hecto": "h",
     "kilo": "k",
@@ -220,8 +223,13 @@ _PREFIXES = {
 }
 _WORDS = {
     "second": "s",
+    "sekunde": "s",
+    "sekunden": "s",
+    "seconde": "s",
+    "segundo": "s",
     "volt": "V",
     "metre": "m",
+    "mètre": "m",
     "meter": "m",
     "ampere": "A",
     "amp": "A",
@@ -242,12 +250,13 @@ _WORDS = {
 }
 _SPELLED_OUT = {
     "micron": "um",
-    "mikrometer": "um",
     "minute": "min",
     "hour": "h",
     "hr": "h",
     "sek": "s",
-    "sekunden": "s",
+    "秒": "s",
+    "ミリ秒": "ms",
+    "毫秒": "ms",
     "minuten": "min",
     "stunden": "h",
     "day": "day",
@@ -342,27 +351,19 @@ _OTHER_SPELLINGS = {
 }
 _SIGNS = str.maketrans(
     {
-        "µ": "u",
         "μ": "u",
-        "\u212b": "Å",
         "∆": "Δ",
         "Ω": "ohm",
-        "\u2126": "ohm",
         "·": " ",
         "⋅": " ",
         "∙": " ",
         "•": " ",
         "*": " ",
         "×": " ",
-        "²": "2",
-        "³": "3",
-        "⁻": "-",
-        "¹": "1",
         "−": "-",
         "^": "",
         "{": "",
         "}": "",
-        "℃": "°C",
         "(": " ",
         ")": " ",
         "_": " ",
@@ -375,7 +376,7 @@ FULL_WIDTH = str.maketrans("（）［］", "()[]")  # Brackets among Chinese and
 
 def find_unit(text: str) -> str:
     """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names."""
-    bare = text.strip().translate(FULL_WIDTH)
+    bare = unicodedata.normalize("NFKC", text.strip().replace("º", "°"))  # full width, ㎜, U+00B5 and the like
     if bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()
     if bare in _SYMBOLS:

@@ -195,3 +195,14 @@ def test_a_look_names_further_readings_of_which_values_are_missing() -> None:
     channel = look_at([one]).channels[2]
     assert (channel.name, channel.role, channel.unit) == ("current", "extra", "A")
     assert channel.high == np.nanmax(current)
+
+
+@pytest.mark.parametrize("mark", [-9.999, 32.767])
+def test_equal_readings_far_outside_all_others_are_asked_for(mark: float) -> None:
+    rng = np.random.default_rng(4)
+    command, displacement = coloured(rng, 500), 1e-3 * coloured(rng, 500)
+    marked = np.where(np.isin(np.arange(500), [50, 51, 300]), mark, displacement)
+    for readings, times in ((marked, 1), (displacement, 0), (np.round(displacement, 4), 0)):
+        lines = look_at(Recording.from_arrays(command, readings, STEP)).lines
+        assert sum("3 readings are" in line and "far outside all others" in line for line in lines) == times
+        assert times or not any("far outside" in line for line in lines)

@@ -50,3 +50,12 @@ def test_stated_sample_time() -> None:
         even_pieces(times, str, allow_gaps=False, stated=0.3)
     sample_time, (piece,) = even_pieces(np.array([5.0]), str, allow_gaps=False, stated=0.5)
     assert (sample_time, piece.clock.tolist()) == (0.5, [5.0])
+
+
+@pytest.mark.parametrize(("bits", "rate"), [(32, 1e6), (32, 1e3), (16, 1e3)])
+def test_a_counter_that_begins_again_is_named(bits: int, rate: float) -> None:
+    size = 2.0**bits / rate
+    times = (size - 1.0 + 0.02 * np.arange(100)) % size
+    with pytest.raises(DataError, match=f"the counter of the times began again at 0: add {size:.10g} s from there on"):
+        even_pieces(times, str, allow_gaps=False)
+    even_pieces(np.where(times < 2.0, times + size, times), str, allow_gaps=False)

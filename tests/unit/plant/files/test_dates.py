@@ -73,6 +73,34 @@ def test_times_of_day_go_on_past_midnight(tmp_path: Path, form: str, header: str
     assert "clock_began" not in found.provenance
 
 
+@pytest.mark.parametrize(
+    ("began", "dates", "refused"),
+    [
+        ("12:00:00", ("2024-05-01", "2024-05-03"), True),  # stopped, and started again two days later
+        ("23:59:59.8", ("2024-05-01", "2024-05-03"), True),
+        ("23:59:59.8", ("2024-05-01", "2024-05-02"), False),
+        ("23:59:59.8", ("4/5/2024", "5/5/2024"), False),
+        ("23:59:59.8", ("2024-05-01", "2024-05-01"), False),  # the date of the start
+        ("12:00:00", ("01.05.2024", "02.05.2024"), True),
+        ("23:59:59.8", ("2024-05-01 23:59:59", "2024-05-02 00:00:00"), False),  # the date with a time of its own
+    ],
+)
+def test_dates_beside_times_of_day_change_at_midnight(
+    tmp_path: Path, began: str, dates: tuple[str, str], refused: bool
+) -> None:
+    first = timedelta(hours=int(began[:2]), minutes=int(began[3:5]), seconds=float(began[6:]))
+    clocks = [(datetime(2000, 1, 1) + first + timedelta(milliseconds=20 * k)).time() for k in range(20)]
+    rows = [f"{dates[k >= 10]},{clock.isoformat('milliseconds')},{k % 3},{k}" for k, clock in enumerate(clocks)]
+    (tmp_path / "r.csv").write_text("\n".join(["Date,Time,command_V,displacement_mm", *rows]), encoding="utf-8")
+    if refused:
+        with pytest.raises(
+            DataError, match=rf'row 12: in the column "Date" {dates[1]} follows {dates[0]}, but the times'
+        ):
+            read_recording(tmp_path / "r.csv")
+    else:
+        assert read_recording(tmp_path / "r.csv").sample_time == pytest.approx(0.02)
+
+
 def test_elapsed_times_go_on_past_a_day(tmp_path: Path) -> None:
     cells = [f"{23 + k // 60}:{k % 60:02d}:00" for k in range(100)]
     assert the_clock(read_recording(written(tmp_path, cells))) == (60.0, 99 * 60.0)

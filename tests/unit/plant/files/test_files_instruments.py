@@ -158,7 +158,7 @@ REFUSED = {
     ),
     "times of a slower channel": (
         "t1_s,u_V,t2_s,y_mm\n" + table(T, U, [*(2 * T[:30]), *[""] * 30], [*Y[:30], *[""] * 30]),
-        '"t1_s" and "t2_s" may hold the times, and they differ',
+        '"t1_s" and "t2_s" hold different times, and one of them ends before the others',
     ),
     "frames behind a colon": (
         "Time,u_V,y_mm\n" + plain(f"10:11:{12 + k // 25}:{k % 25:02d}" for k in range(60)),
@@ -188,15 +188,46 @@ def test_what_would_be_read_wrongly_is_refused(tmp_path: Path, kind: str) -> Non
         assert not error.value.offers
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        ("Nr;t;u;y", "-;ms;V;mm"),
+        (";ms;V;mm", ";t;u;y"),
+        ("-;ms;V;mm", "Nr;t;u;y"),
+        ("# ;ms;V;mm", "# ;t;u;y"),
+        ("# Nr;t;u;y", "# ;ms;V;mm"),
+    ],
+)
+def test_units_stand_above_or_below_the_names_of_a_table_with_numbered_rows(
+    tmp_path: Path, head: tuple[str, str]
+) -> None:
+    rows = [f"{k};{20 * k};{k % 3};{k % 5}" for k in range(20)]
+    (tmp_path / "r.csv").write_text("\n".join([*head, *rows]), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u", output_column="y")
+    assert (found.sample_time, found.input_units, found.output_units) == (pytest.approx(0.02), ("V",), ("m",))
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * (np.arange(20) % 5), rtol=1e-15)
+
+
 def test_names_of_one_letter_are_no_units_below_a_title(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text(f"Operator,Smith,Date,Day\nt,s,F,V\n{table(T, Y, Y, U)}", encoding="utf-8")
     assert read_recording(tmp_path / "r.csv", input_column="V", output_column="s").output_units == ("",)
 
 
-def test_whole_steps_without_a_unit_are_asked_for(tmp_path: Path) -> None:
-    (tmp_path / "r.csv").write_text(f"clock,u_V,y_mm\n{plain(20 * np.arange(60) + 0.5)}", encoding="utf-8")
+@pytest.mark.parametrize("step", [20.0, 2.5, 16.667])
+def test_slow_times_without_a_unit_are_asked_for(tmp_path: Path, step: float) -> None:
+    (tmp_path / "r.csv").write_text(f"clock,u_V,y_mm\n{plain(step * np.arange(60) + 0.5)}", encoding="utf-8")
     found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", time_column="clock")
     assert "are they milliseconds?" in found.provenance["clock"]
+
+
+@pytest.mark.parametrize(("header", "said"), [("Tempo en milésimas", "milésimas"), ("Zeit in Ticks", "Ticks")])
+def test_a_unit_of_time_in_words_is_asked_for_if_unknown(tmp_path: Path, header: str, said: str) -> None:
+    (tmp_path / "r.csv").write_text(f"{header},u_V,y_mm\n{plain(2.5 * np.arange(60))}", encoding="utf-8")
+    named = {"input_column": "u_V", "output_column": "y_mm", "time_column": header}
+    with pytest.raises(DataError, match=f'said to be in "{said}", which is not a known unit of time'):
+        read_recording(tmp_path / "r.csv", **named)
+    found = read_recording(tmp_path / "r.csv", **named | {"time_column": f"{header}=ms"})
+    assert found.sample_time == pytest.approx(2.5e-3)
 
 
 def test_a_meter_that_changes_its_range_gives_no_unit(tmp_path: Path) -> None:

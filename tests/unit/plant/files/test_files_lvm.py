@@ -98,3 +98,10 @@ def test_one_header_for_all_segments(write) -> None:
 def test_place_of_a_fault(write) -> None:
     with pytest.raises(DataError, match=r'row 29, column "Laser": "off" is not a number'):
         read_recording(write(lvm().replace("0.500\tsaid", "off\tsaid")), **ASKED)
+
+
+def test_x_values_in_another_unit_than_seconds_are_refused(write) -> None:
+    text = lvm().replace("X_Dimension\tTime\tTime\t", "X_Dimension\tTime\tTime\t\nX_Unit_Label\tms\tms\t")
+    with pytest.raises(DataError, match='its x values are in "ms"; save them in seconds'):
+        read_recording(write(text), **ASKED)
+    assert read_recording(write(text.replace("ms\tms", "Seconds\ts")), **ASKED).sample_time == pytest.approx(0.2)

@@ -172,18 +172,94 @@ def test_a_fill_value_of_hdf5_is_no_reading(tmp_path: Path, attribute: str) -> N
 
 
 @pytest.mark.parametrize("attribute", ["gain", "Scale", "offset_mm", "volts_per_count"])
-def test_whole_numbers_in_an_unknown_scale_are_refused(tmp_path: Path, attribute: str) -> None:
+@pytest.mark.parametrize("kind", [int, float])
+def test_numbers_in_an_unknown_scale_are_refused(tmp_path: Path, attribute: str, kind: type) -> None:
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "r.h5", "w") as file:
-        file["time_s"], file["command_V"], file["run/displacement"] = TIME, COMMAND, np.arange(N)
+        file["time_s"], file["command_V"], file["run/displacement"] = TIME, COMMAND, np.arange(N, dtype=kind)
         file["run/displacement"].attrs.update({"units": "mm", attribute: 2e-4})
     with pytest.raises(
-        DataError, match=rf'"run.displacement" .* attribute "{attribute}" is 0.0002; rename it to scale_f'
+        DataError, match=rf'"run.displacement" .* attribute "{attribute}" is 0.0002, which is not applied; scale'
     ):
         read_recording(tmp_path / "r.h5")
     with h5py.File(tmp_path / "r.h5", "r+") as file:
         del file["run/displacement"].attrs[attribute]
     assert read_recording(tmp_path / "r.h5").outputs[0, 2] == 2e-3
+
+
+TEXTS = {"text": str, "bytes": np.bytes_, "list of one": lambda unit: np.array([unit.encode()])}
+
+
+@pytest.mark.parametrize("write", TEXTS)
+@pytest.mark.parametrize("attribute", ["Units", "unit", "UNIT", "unit_string", "EngineeringUnits"])
+def test_each_way_to_name_a_unit_in_hdf5(tmp_path: Path, attribute: str, write: str) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        for name, values, unit in (("time", 1e3 * TIME, "ms"), ("u", COMMAND, "V"), ("y", 0.1 * COMMAND, "mm")):
+            file[name] = values
+            file[name].attrs[attribute] = TEXTS[write](unit)
+    check(read_recording(tmp_path / "r.h5", input_column="u", output_column="y"))
+
+
+@pytest.mark.parametrize("units", ["ms, V, mm", ["ms", "V", "mm"]])
+def test_units_of_the_fields_of_a_compound_data_set(tmp_path: Path, units: str | list[str]) -> None:
+    h5py = pytest.importorskip("h5py")
+    rows = np.rec.fromarrays([1e3 * TIME, COMMAND, 0.1 * COMMAND], names="time,u,y")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["samples"] = rows
+        file["samples"].attrs["units"] = units
+    check(read_recording(tmp_path / "r.h5", input_column="u", output_column="y"))
+
+
+@pytest.mark.parametrize("form", ["Units.{}", "unit.{}", "{}_unit", "{}_units"])
+def test_each_way_to_name_a_unit_in_matlab(tmp_path: Path, form: str) -> None:
+    variables: dict = {"time": 1e3 * TIME, "u": COMMAND, "y": 0.1 * COMMAND}
+    for name, unit in (("time", "ms"), ("u", "V"), ("y", "mm")):
+        struct, _, field = form.format(name).rpartition(".")
+        if struct:
+            variables.setdefault(struct, {})[field] = unit
+        else:
+            variables[field] = unit
+    savemat(tmp_path / "r.mat", variables)
+    check(read_recording(tmp_path / "r.mat", input_column="u", output_column="y"))
+
+
+@pytest.mark.parametrize(("name", "value", "unit"), [("dt", 20.0, "ms"), ("Ts_ms", 20.0, ""), ("fs", 0.05, "kHz")])
+def test_the_unit_of_a_sample_time(tmp_path: Path, name: str, value: float, unit: str) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["command_V"], file["displacement_mm"], file[name] = COMMAND, 0.1 * COMMAND, value
+        file[name].attrs["units"] = unit
+    assert read_recording(tmp_path / "r.h5").sample_time == pytest.approx(0.02, rel=1e-12)
+
+
+@pytest.mark.parametrize("mark", [9.91e37, 1e30, 3.4028235e38, 9.969209968386869e36])
+def test_marks_of_an_overflow_are_refused(tmp_path: Path, mark: float) -> None:
+    savemat(tmp_path / "r.mat", SIGNALS | {"displacement_mm": np.where(np.arange(N) == 7, mark, COMMAND)})
+    with pytest.raises(DataError, match=r'row 8, column "displacement_mm": .* marks an overflow or a missing value'):
+        read_recording(tmp_path / "r.mat")
+    rows = "\n".join(f"{t:.2f},1,{mark if k == 7 else k}" for k, t in enumerate(TIME))
+    (tmp_path / "r.csv").write_text(f"time_s,command_V,displacement_mm\n{rows}", encoding="utf-8")
+    with pytest.raises(DataError, match=r'row 9, column "displacement_mm": .* marks an overflow or a missing value'):
+        read_recording(tmp_path / "r.csv")
+
+
+@pytest.mark.parametrize(("scale", "offset", "refused"), [(1.0, 0.0, False), (1e-4, 0.0, True), (1.0, 2.0, True)])
+def test_a_scale_beside_values_and_unit_in_a_struct(tmp_path: Path, scale: float, offset: float, refused: bool) -> None:
+    """As Spike2 exports a channel."""
+    channels = {
+        name: {"units": unit, "values": values, "scale": scale, "offset": offset}
+        for name, unit, values in (("u", "V", COMMAND), ("y", "mm", 0.1 * COMMAND))
+    }
+    savemat(tmp_path / "r.mat", channels)
+    named = {"input_column": "u.values", "output_column": "y.values", "dt": 0.02}
+    if refused:
+        with pytest.raises(
+            DataError, match=r'"u.values" is in V, and its attribute "(scale|offset)" is .*, which is not'
+        ):
+            read_recording(tmp_path / "r.mat", **named)
+    else:
+        check(read_recording(tmp_path / "r.mat", **named))
 
 
 def test_fields_of_a_compound_data_set_are_columns(tmp_path: Path) -> None:

@@ -52,6 +52,9 @@ def path(tmp_path: Path) -> Path:
         ("seconds", 1.0),
         ("seconds since 2024-01-02", 1.0),
         ("milliseconds since 2024-01-02", 1e3),
+        ("Milliseconds since 2024-01-02", 1e3),
+        ("ms since 2024-01-02T12:00:00Z", 1e3),
+        ("usec since 2024-01-02", 1e6),
     ],
 )
 def test_version_4(path: Path, units: str, factor: float) -> None:

@@ -135,6 +135,28 @@ def test_index_without_a_name_before_the_columns(write) -> None:
     check(read_recording(write("#,time,u,y", *(f"{k},{row}" for k, row in enumerate(rows(seconds)))), **NAMED))
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        (",u,y", ",V,mm", "time,,"),
+        ("signal,u,y", "unit,V,mm", "time_s,,"),
+        (",rig,rig", ",u,y", ",V,mm", "time,,"),
+        ("rig,left,left", "signal,u_V,y_mm", "time_s,,"),
+        ("time,u,y", "s,V,mm", ",,"),
+    ],
+)
+def test_several_levels_of_names_above_the_name_of_the_index(write, head: tuple[str, ...]) -> None:
+    """As pandas writes columns with a MultiIndex."""
+    recording = read_recording(write(*head, *rows(seconds)), **NAMED)
+    assert (recording.sample_time, recording.output_units, recording.provenance["rows"]) == (
+        0.02,
+        ("m",),
+        f"{len(head) + 1}-{len(head) + 4}",
+    )
+    np.testing.assert_array_equal(recording.inputs, [U])
+    np.testing.assert_allclose(recording.outputs, 1e-3 * np.array([Y]), rtol=1e-15)
+
+
 class TestTimes:
     @pytest.mark.parametrize("name", ["ts", "Timestamp", "unixTime", "t", "Time (s)", "time [s]"])
     def test_usual_names(self, write, name: str) -> None:
@@ -187,6 +209,22 @@ class TestTimes:
         first, second = read_experiment([late, early], **NAMED).recordings
         assert (first.start, second.start) == (0.0, 20.0)
         assert second.provenance["clock_began"] == "2024-05-01T11:59:50"
+
+    @pytest.mark.parametrize(
+        ("early", "late", "without"),
+        [
+            (lambda k: f"2024-05-01 12:00:0{k}", lambda k: str(10 + k), "late.csv"),
+            (lambda k: str(1714564800 + k), lambda k: str(10 + k), "late.csv"),
+            (lambda k: f"12:00:0{k}", lambda k: f"12:01:0{k}", "early.csv"),
+        ],
+    )
+    def test_files_without_a_date_are_not_put_beside_others(self, write, early, late, without: str) -> None:
+        """One clock begins at the first date, the other anywhere."""
+        files = [write("time,u,y", *rows(form), name=name) for form, name in ((early, "early.csv"), (late, "late.csv"))]
+        with pytest.raises(
+            DataError, match=rf"the times of \S*{without} tell no date, so the time between the files is unk"
+        ):
+            read_experiment(files, **NAMED)
 
 
 class TestOneQuantity:

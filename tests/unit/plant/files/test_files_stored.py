@@ -59,6 +59,7 @@ def test_what_is_packed_otherwise_has_to_be_unpacked(tmp_path: Path, name: str) 
         ),
         (["0.02,1,1\u202f234.5"], 'row 3, column "displacement_mm": .* has a thousands separator; write it as 1234.5'),
         (["0.02,1,1,234.5"], "row 3: the row has 4 cells, but the header has 3; is 1,234.5 one number"),
+        (["00:00:00,020,1,2"], "row 3: the row has 4 cells, but the header has 3; is 00:00:00,020 one time"),
     ],
 )
 def test_a_mark_between_thousands_is_told_where_it_stands(tmp_path: Path, rows: list[str], said: str) -> None:
@@ -66,6 +67,32 @@ def test_a_mark_between_thousands_is_told_where_it_stands(tmp_path: Path, rows: 
     path.write_text("\n".join([HEAD, "0.00,1,2", *rows, *ROWS[2:]]), encoding="utf-8")
     with pytest.raises(DataError, match=said):
         read_recording(path)
+
+
+@pytest.mark.parametrize("most", [999.5, 1999.5])
+def test_an_empty_last_cell_does_not_hide_a_comma_between_thousands(tmp_path: Path, most: float) -> None:
+    """Each row without a value in the last column; the readings, um, exceed a thousand in one row or in all rows."""
+    path = tmp_path / "r.csv"
+    rows = [f"{0.02 * k:.2f},{k % 3},{max(most, 1000.0 + k if k == 7 else 0.0):,.1f}," for k in range(20)]
+    path.write_text("\n".join(["time_s,command_V,displacement_um,note", *rows]), encoding="utf-8")
+    first, number = (9, "1,007.0") if most < 1000.0 else (2, "1,999.5")
+    with pytest.raises(DataError, match=f"row {first}: the row has 5 cells, but the header has 4; is {number} one"):
+        read_recording(path)
+    path.write_text(path.read_text(encoding="utf-8").replace(number, number.replace(",", "")), encoding="utf-8")
+    np.testing.assert_allclose(read_recording(path).outputs[0, 7], 1e-6 * float(number.replace(",", "")))
+
+
+def test_points_that_may_part_thousands_are_asked_for(tmp_path: Path) -> None:
+    """A column of whole numbers as written in German: 837, 1.002; where all have three decimals, they are no thousands."""
+    path = tmp_path / "r.csv"
+    for last, fault in (("999", True), ("999.000", False), ("0.999", False)):
+        rows = [f"{20 * k};{k % 3};{1 + k % 5}.{125 + k}" for k in range(20)]
+        path.write_text("\n".join(["time_ms;command_V;displacement_um", *rows, f"400;1;{last}"]), encoding="utf-8")
+        if fault:
+            with pytest.raises(DataError, match=r'row 2, .*_um": "1.125" may mean thousands or a decimal point'):
+                read_recording(path)
+        else:
+            assert read_recording(path).outputs[0, 0] == 1.125e-6
 
 
 def test_a_formula_without_a_value_is_named(tmp_path: Path) -> None:

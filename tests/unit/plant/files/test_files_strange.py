@@ -156,6 +156,96 @@ def test_a_power_cut_within_a_row_is_refused_and_one_between_rows_is_not(tmp_pat
         read_recording(tmp_path / "r.csv")
 
 
+@pytest.mark.parametrize("form", ["12:00:0{}.{}", "2024-05-01 12:00:0{}.{}", "{}.{}"])
+def test_fractions_without_their_zeros_are_named(tmp_path: Path, form: str) -> None:
+    """Milliseconds behind the point, as Arduino prints numbers: 40 ms after the second as .40 and 400 ms as .400."""
+    path, first, right = tmp_path / "r.csv", form.format(0, 20), form.format(0, "020")
+    rows = with_times([form.format(20 * k // 1000, 20 * k % 1000) for k in range(40)])
+    path.write_text("\n".join(["Time" + HEAD[6:], *rows]), encoding="utf-8")
+    with pytest.raises(
+        DataError, match=rf'row 3, column "Time": the fractions lack zeros .* write "{first}" as "{right}"'
+    ):
+        read_recording(path)
+    rows = with_times([form.format(20 * k // 1000, f"{20 * k % 1000:03d}") for k in range(40)])
+    path.write_text("\n".join(["Time" + HEAD[6:], *rows]), encoding="utf-8")
+    assert read_recording(path).sample_time == pytest.approx(0.02)
+
+
+def test_command_and_reading_that_never_share_a_row(tmp_path: Path) -> None:
+    """Two channels of half the rate, each with its own times; the held command makes them readable, as is said."""
+    rows = [
+        f"{t:.2f},{u:.4f}," if k % 2 == 0 else f"{t:.2f},,{y:.4f}"
+        for k, (t, u, y) in enumerate(zip(T, U, Y, strict=True))
+    ]
+    (tmp_path / "r.csv").write_text("\n".join([HEAD, *rows]), encoding="utf-8")
+    for allow_gaps in (False, True):
+        with pytest.raises(
+            DataError, match=r"row 2, .*: there is no value .*; no row has command and reading: fill the empty"
+        ):
+            read_recordings(tmp_path / "r.csv", allow_gaps=allow_gaps)
+    filled = [f"{T[k]:.2f},{U[k - k % 2]:.4f},{f'{Y[k]:.4f}' if k % 2 else ''}" for k in range(40)]
+    (tmp_path / "r.csv").write_text("\n".join([HEAD, *filled]), encoding="utf-8")
+    (found,) = read_recordings(tmp_path / "r.csv", allow_gaps=True)
+    np.testing.assert_allclose(found.inputs[0], U[::2])
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y[1::2])
+
+
+LONG = {
+    "by times": [row for t, u, y in zip(T, U, Y, strict=True) for row in (f"{t:.2f},u,{u}", f"{t:.2f},y,{y}")],
+    "by channels": [
+        f"{t:.2f},{name},{v}" for name, values in (("u", U), ("y", Y)) for t, v in zip(T, values, strict=True)
+    ],
+}
+
+
+@pytest.mark.parametrize("order", LONG)
+def test_a_row_for_each_channel_is_refused_with_the_way_to_a_column_for_each(tmp_path: Path, order: str) -> None:
+    (tmp_path / "r.csv").write_text("\n".join(["time_s,field,value", *LONG[order]]), encoding="utf-8")
+    for named in ({}, {"input_column": "value"}, {"input_column": "value", "output_column": "value"}):
+        with pytest.raises(
+            DataError, match='the column "field" seems to name the channel of each row; give each channel a'
+        ):
+            read_recording(tmp_path / "r.csv", **named)
+
+
+def test_runs_below_each_other_are_no_channels(tmp_path: Path) -> None:
+    rows = [f"{name},{row}" for name in ("first", "second") for row in ROWS]
+    (tmp_path / "r.csv").write_text("\n".join([f"run,{HEAD}", *rows]), encoding="utf-8")
+    with pytest.raises(
+        DataError, match=r"row 42: times do not increase.*; there the clock starts again: give each run its"
+    ):
+        read_recording(tmp_path / "r.csv")
+
+
+def test_a_date_of_the_day_is_no_time(tmp_path: Path) -> None:
+    rows = [f"01/05/2024,12:00:{t:06.3f},{u},{y}" for t, u, y in zip(T, U, Y, strict=True)]
+    (tmp_path / "r.csv").write_text("\n".join(["Date,Measurement time[hh:mm:ss]" + HEAD[6:], *rows]), encoding="utf-8")
+    with pytest.raises(DataError, match=r"no column \"time_s\"") as error:
+        read_recording(tmp_path / "r.csv")
+    column = error.value.offers.time_column
+    assert column == "Measurement time[hh:mm:ss]"
+    assert read_recording(tmp_path / "r.csv", time_column=column).sample_time == pytest.approx(0.02)
+
+
+def test_one_empty_time_does_not_make_a_stated_sample_time_the_clock(tmp_path: Path) -> None:
+    """AcqKnowledge writes the number of samples of each channel below the names."""
+    (tmp_path / "r.csv").write_text("\n".join([HEAD, ",40,40", *ROWS]), encoding="utf-8")
+    with pytest.raises(DataError, match='row 2, column "time_s": the cell is empty'):
+        read_recording(tmp_path / "r.csv", dt=0.02)
+
+
+def test_the_mark_of_dos_at_the_end_is_no_row(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("\n".join([HEAD, *ROWS, "\x1a"]), encoding="utf-8")
+    assert read_recording(tmp_path / "r.csv").n_samples == 40
+
+
+def test_the_cell_that_is_no_number_is_named_and_not_the_date_before_it(tmp_path: Path) -> None:
+    rows = [f"2024-05-01 12:00:{t:06.3f},{u} V,{y} mm" for t, u, y in zip(T, U, Y, strict=True)]
+    (tmp_path / "r.csv").write_text("\n".join(["Time,cmd,laser", *rows]), encoding="utf-8")
+    with pytest.raises(DataError, match=r'in row 2 "[-\d.]+ V" is not a number'):
+        read_recording(tmp_path / "r.csv")
+
+
 def test_a_header_repeated_without_times_is_refused(tmp_path: Path) -> None:
     """The runs would be joined, although the plant had rested in between."""
     rows = [row.partition(",")[2] for row in ROWS]

@@ -46,11 +46,26 @@ def test_waveforms(path: Path) -> None:
 
 
 @pytest.mark.parametrize(("volts", "millimetres"), [("V", "mm"), ("Volts", "Millimeters")])
-@pytest.mark.parametrize("property_name", ["unit_string", "NI_UnitDescription"])
+@pytest.mark.parametrize("property_name", ["unit_string", "NI_UnitDescription", "Unit"])
 def test_units_by_property(path: Path, volts: str, millimetres: str, property_name: str) -> None:
     about = [{**WAVEFORM, property_name: unit} for unit in (volts, millimetres)]
     channels = [("rig", "command", COMMAND, about[0]), ("rig", "displacement", 0.1 * COMMAND, about[1])]
     check(read_recording(save(path, *channels)))
+
+
+def test_the_unit_of_the_clock(path: Path) -> None:
+    about = {"wf_increment": 20.0, "wf_start_offset": -100.0, "wf_xunit_string": "ms"}
+    found = read_recording(save(path, *pair(about)))
+    assert (found.sample_time, found.start) == (0.02, -0.1)
+    with pytest.raises(DataError, match=r'x values of the waveform "command_V" are in "Hz" .* a recording needs times'):
+        read_recording(save(path, *pair(about | {"wf_xunit_string": "Hz"})))
+
+
+def test_a_scale_beside_a_unit_is_refused(path: Path) -> None:
+    """DAQmx's own scales, in properties NI_..., are applied by nptdms."""
+    with pytest.raises(DataError, match='"command_V" is in V, and its attribute "gain" is 10, which is not applied'):
+        read_recording(save(path, *pair(WAVEFORM | {"unit_string": "V", "gain": 10.0})))
+    check(read_recording(save(path, *pair(WAVEFORM | {"gain": 10.0, "wf_start_offset": 0.0}))))
 
 
 @pytest.mark.parametrize("about", [{}, {"wf_increment": 0.0}])

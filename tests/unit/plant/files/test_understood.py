@@ -141,6 +141,20 @@ def test_a_bad_cell_does_not_hide_its_column(tmp_path: Path, header: str, rows: 
     assert "--input-column u --output-column y" in found.remaining
 
 
+def test_a_column_without_any_number_is_named_with_its_cell(tmp_path: Path) -> None:
+    rows = [f"{0.02 * k:.2f},{'TRUE' if k % 3 else 'FALSE'},{k % 5}" for k in range(20)]
+    (tmp_path / "r.csv").write_text("\n".join(["time_s,u_V,y_mm", *rows]), encoding="utf-8")
+    assert 'row 2, column "u_V": "FALSE" is not a number' in understand(tmp_path / "r.csv").remaining
+
+
+@pytest.mark.parametrize("header", ["u\u200b", "u" * 200])
+def test_a_header_that_cannot_be_written_is_offered_by_its_position(tmp_path: Path, header: str) -> None:
+    rows = [f"{0.02 * k:.2f},{k % 3},{k % 5}" for k in range(20)]
+    (tmp_path / "r.csv").write_text("\n".join([f"time_s,{header},y_mm", *rows]), encoding="utf-8")
+    found = understand(tmp_path / "r.csv")
+    assert found.recordings and found.options[:2] == ("--input-column", "#2")
+
+
 def test_the_number_of_a_row_is_no_signal(tmp_path: Path) -> None:
     path = tmp_path / "lab.csv"
     rows = [f"{k},{0.1 * k:.1f},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(1, 40)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import constants
 
-from deatwin.plant.files.headers import split_unit
+from deatwin.plant.files.headers import said_unit, split_unit
 from deatwin.plant.files.units import UNITS, find_unit
 
 
@@ -79,6 +79,12 @@ from deatwin.plant.files.units import UNITS, find_unit
         ("gain_kp", "gain_kp", ""),
         ("left_foot", "left_foot", ""),
         ("n_turns", "n_turns", ""),
+        ("Elapsed hours", "Elapsed", "h"),
+        ("Timestamp/min", "Timestamp", "min"),
+        ("Messzeit/s", "Messzeit", "s"),
+        ("events/s", "events/s", ""),
+        ("run time min", "run time", "min"),
+        ("timeline", "timeline", ""),
         ("[s]", "[s]", "s"),
         ("in s", "in s", "s"),
         ("in air", "in air", ""),
@@ -208,9 +214,11 @@ def test_a_temperature_whose_name_is_like_that_of_a_difference_is_shifted(name: 
             "deg/s": "°/s deg/sec",
             "rpm": "RPM rev/min r/min",
             "1/s": "s⁻¹ s^-1 /s",
-            "um": "µm μm",
+            "um": "Mikrometer micromètres ㎛ µm μm",
             "uA": "µA μA",
-            "°C": "°C ℃ degC degree_Celsius Celsius",
+            "ms": "Millisekunden millisecondes milisegundos ミリ秒 毫秒 ㎳",
+            "kV": "ｋＶ ㎸",
+            "°C": "°C ºC ℃ degC degree_Celsius Celsius",
             "Δ°C": "delta_degC Δ°C",
             "coulomb": "Coulomb coulombs",
             "ohm": "Ω Ohm",
@@ -233,7 +241,7 @@ def test_a_temperature_whose_name_is_like_that_of_a_difference_is_shifted(name: 
             "N/mm2": "N/mm² N·mm^-2",
             "V": "VDC Volts",
             "h": "hrs Hours Stunden",
-            "s": "sec. Sek. Sekunden",
+            "s": "sec. Sek. Sekunden secondes segundos 秒",
             "": "L V/A x/y counts l/l/V sqm",
         }.items()
         for spelt in spellings.split()
@@ -241,6 +249,14 @@ def test_a_temperature_whose_name_is_like_that_of_a_difference_is_shifted(name: 
 )
 def test_spellings(spelt: str, unit: str) -> None:
     assert find_unit(spelt) == find_unit(f"({spelt})") == unit
+
+
+def test_the_voltage_of_a_node_is_in_no_inches() -> None:
+    """Names of circuit simulators, where brackets hold a node or a part."""
+    for header in ("V(in)", "v(m)", "I(s)", "i(l)"):
+        assert split_unit(header) == (header, "") and said_unit(header) == ""
+    assert split_unit("V(mV)") == ("V", "mV") and split_unit("I(A)") == ("I", "A")
+    assert split_unit("V (ml)") == ("V", "ml") and split_unit("Vin(in)") == ("Vin", "inch")
 
 
 def test_a_scale_is_no_unit() -> None:

@@ -1,17 +1,28 @@
 """Tables of the binary formats, whose columns are arrays and whose units may be attributes."""
 
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.formats.table import Declared, Table, Timing
+from deatwin.plant.files.formats.table import OVERFLOW, Declared, Table, Timing
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.safe_read import COLUMNS, clipped
+
+_UNITS = re.compile(
+    r"(?i)(NI_|engineering)?[ _]?units?([ _]?(string|symbol|description))?"
+)  # Attributes that name units
+_SCALING = re.compile(
+    r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset|factor|multiplier|conversion|resolution)([ _].*)?|.*per[ _]?(count|bit|lsb)"
+)
+"""Names of attributes that may say how numbers become values."""
+_COUNTED = ("", "1", "count", "counts", "adu", "dn", "lsb", "raw")  # Units, in lower case, of values that are counts
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,7 +78,14 @@ class ArrayTable(Table):
                 raise DataError(
                     f'{self.where(sample)}, column "{self.shown(column)}": {values[sample]} is not a finite number'
                 )
-        return np.array([self._si(column) for column in columns])
+        found = np.array([self._si(column) for column in columns])
+        if (large := np.abs(found) > OVERFLOW).any():
+            place, sample = np.argwhere(large)[0]
+            raise DataError(
+                f'{self.where(sample)}, column "{self.shown(columns[place])}": {self.columns[columns[place]][sample]:g} marks '
+                "an overflow or a missing value; put NaN in its place"
+            )
+        return found
 
     def _si(self, column: int) -> NDArray[np.float64]:
         """Return a column in the wanted unit; values already in this unit stay unchanged, including -0.0."""
@@ -121,6 +139,35 @@ def array_table(
         columns=tuple(columns.values()),
         timings=tuple(timings[header] for header in columns) if timings else (),
     )
+
+
+def units_of(attributes: Mapping[str, Any]) -> list[str]:
+    """Return the units that an attribute of a signal, or of several together, states; empty if there is none."""
+    for name, value in attributes.items():
+        if _UNITS.fullmatch(name):
+            cells = np.ravel(np.asarray(value, dtype=object))
+            texts = [cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell for cell in cells]
+            if texts and all(isinstance(text, str) for text in texts):
+                return texts
+    return []
+
+
+def require_no_scale(attributes: Mapping[str, Any], place: str, path: str) -> None:
+    """Refuse a signal in a unit that has an attribute by which its numbers may still have to be scaled."""
+    unit = " ".join(units_of(attributes))
+    for name, number in numeric(attributes).items():
+        if _SCALING.fullmatch(name) and number != float("offset" not in name.lower()) and unit.lower() not in _COUNTED:
+            raise DataError(
+                f'{path}: "{clipped(place)}" is in {clipped(unit)}, and its attribute "{clipped(name)}" is {number:g}, '
+                "which is not applied; scale the values and remove it, or only remove it if they are in "
+                f"{clipped(unit)} already (in HDF5 and NetCDF, scale_factor and add_offset are applied)"
+            )
+
+
+def numeric(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the attributes that hold one number."""
+    numbers = {name: np.ravel(value) for name, value in attributes.items()}
+    return {name: value[0] for name, value in numbers.items() if value.size == 1 and value.dtype.kind in "fiu"}
 
 
 def _said(timing: Timing | None) -> str:

@@ -65,6 +65,9 @@ def read_lvm(path: str | Path) -> CsvTable:
     kind = next((cell for cell in first.header.get("X_Dimension", []) if cell and cell != "Time"), "")
     if kind:
         raise DataError(f'{name}: its x values are "{clipped(kind)}", but a recording needs times')
+    unit = next((cell for cell in first.header.get("X_Unit_Label", []) if cell and find_unit(cell) != "s"), "")
+    if unit:
+        raise DataError(f'{name}: its x values are in "{clipped(unit)}"; save them in seconds')
     return _table(segments, separator, about.get("X_Columns", "One"), name, hashlib.sha256(content).hexdigest())
 
 

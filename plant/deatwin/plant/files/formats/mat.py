@@ -20,7 +20,7 @@ import numpy as np
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes, read_table
 from deatwin.plant.files.formats.apart import unpacked
-from deatwin.plant.files.formats.arrays import ArrayTable, array_table
+from deatwin.plant.files.formats.arrays import ArrayTable, array_table, numeric, require_no_scale, units_of
 from deatwin.plant.files.formats.description import (
     KEY,
     describe,
@@ -32,13 +32,16 @@ from deatwin.plant.files.formats.description import (
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared, Table, Timing
 from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sound_level_5
+from deatwin.plant.files.headers import split_unit
+from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.recording import Recording
 from deatwin.plant.safe_read import clipped
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _USER_BLOCK = 512  # Number of bytes before the HDF5 signature in a file of version 7.3
-_SAMPLE_TIMES = ("ts", "dt", "sample_time", "ts_s", "dt_s", "sample_time_s")
-_SAMPLE_RATES = ("fs", "sample_rate", "fs_hz", "sample_rate_hz")
+_SAMPLE_TIMES = ("ts", "dt", "sample_time")
+_SAMPLE_RATES = ("fs", "sample_rate")
+_NAMES_UNIT = re.compile(r"(?i)units?\.(.+)|(.+)_units?")  # Text that names the unit of the signal of this name
 _TIME = "time_s"
 _WIDEST = 64  # Largest number of signals in a matrix or an array of structs; wider matrices are images and maps
 _UNREAD = frozenset(
@@ -46,9 +49,6 @@ _UNREAD = frozenset(
 )  # Marks of empty arrays, and of objects such as timetables
 _PACKING = ("scale_factor", "add_offset")  # Attributes of HDF5 with which a value is packed
 _FILLS = ("_FillValue", "missing_value")  # Attributes of HDF5 that name the number in place of a missing value
-_SCALING = re.compile(r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset)([ _].*)?|.*per[ _]?(count|bit|lsb)")
-"""Names of attributes that may say how counts become values."""
-_COUNTED = ("", "1", "count", "counts", "adu", "dn", "lsb", "raw")  # Units, in lower case, of values that are counts
 _UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # Classes of variables that are ignored
 
 
@@ -99,16 +99,20 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
                 f"{path}: there are no vectors of numbers in it; a recording needs its signals as vectors (tables, timetables and "
                 "other objects of MATLAB cannot be read; writetable and writetimetable write them as CSV)"
             )
-        units = {name.removeprefix("units."): text for name, text in found.items() if name.startswith("units.")}
-        units = _units_beside(found) | units
-        units = {short.get(name, name): text for name, text in units.items()}
+        named = {name: match for name in found if (match := _NAMES_UNIT.fullmatch(name))}
+        units = {match[1] or match[2]: found[name] for name, match in named.items() if isinstance(found[name], str)}
+        beside = _units_beside(found)
+        for name, unit in beside.items():
+            fields = {key.rpartition(".")[2]: value for key, value in found.items() if _struct(key) == _struct(name)}
+            require_no_scale({**fields, "units": unit}, name, path)
+        units = {short.get(name, name): text for name, text in (beside | units).items()}
         notes = {name: text for name, text in texts.items() if name not in units and text}
         return array_table(
             path,
             sha256,
             columns,
             {name: str(text) for name, text in units.items()},
-            declared=Declared(timing=_timing(arrays, path), provenance=notes),
+            declared=Declared(timing=_timing(arrays, units, path), provenance=notes),
         )
     return array_table(path, sha256, columns, {}, declared=declared)
 
@@ -118,9 +122,14 @@ def _units_beside(found: Mapping[str, Any]) -> dict[str, str]:
     structs: dict[str, list[str]] = {}
     for name, value in found.items():
         if isinstance(value, np.ndarray) and value.size > 1:
-            structs.setdefault(name.rpartition(".")[0], []).append(name)
-    said = {name.rpartition(".")[0]: text for name, text in found.items() if re.fullmatch(r"(?i).+\.units?", name)}
+            structs.setdefault(_struct(name), []).append(name)
+    said = {_struct(name): text for name, text in found.items() if re.fullmatch(r"(?i).+\.units?", name)}
     return {structs[struct][0]: text for struct, text in said.items() if len(structs.get(struct, ())) == 1}
+
+
+def _struct(name: str) -> str:
+    """Return the name of the struct that holds a field."""
+    return name.rpartition(".")[0]
 
 
 def _of_matrix(name: str, value: np.ndarray, lengths: set[int]) -> dict[str, np.ndarray]:
@@ -134,20 +143,23 @@ def _of_matrix(name: str, value: np.ndarray, lengths: set[int]) -> dict[str, np.
 
 def _short_names(found: Mapping[str, Any]) -> dict[str, str]:
     """Return field names without the names of their structs, if they stay unique."""
-    last = {name: name.rpartition(".")[2] for name in found if not name.startswith("units.")}
+    last = {name: name.rpartition(".")[2] for name in found if not re.match(r"(?i)units?\.", name)}
     ends = list(last.values())
     return {name: last[name] if ends.count(last.get(name, "")) == 1 else name for name in found}
 
 
-def _timing(arrays: Mapping[str, np.ndarray], path: str) -> Timing | None:
+def _timing(arrays: Mapping[str, np.ndarray], units: Mapping[str, str], path: str) -> Timing | None:
     """Return the clock that a scalar states; None if it states none."""
-    scalars = {
-        name.lower(): float(value.ravel()[0])
-        for name, value in arrays.items()
-        if value.size == 1 and value.dtype.kind in "fiu"
-    }
-    stated = {name: scalars[name] for name in _SAMPLE_TIMES if name in scalars}
-    stated |= {name: 1.0 / scalars[name] for name in _SAMPLE_RATES if scalars.get(name, 0.0) > 0.0}
+    stated = {}
+    for name, scalar in arrays.items():
+        if scalar.size == 1 and scalar.dtype.kind in "fiu":
+            bare, own = split_unit(name)
+            unit = UNITS[find_unit(units.get(name, "")) or own]
+            number = float(unit.to_si(scalar.ravel().astype(np.float64))[0])
+            if bare.lower() in _SAMPLE_TIMES and unit.si in ("", "s"):
+                stated[name] = number
+            if bare.lower() in _SAMPLE_RATES and unit.si in ("", "Hz") and number > 0.0:
+                stated[name] = 1.0 / number
     timings = {name: Timing(sample_time=value) for name, value in stated.items() if 0.0 < value < np.inf}
     for name, timing in timings.items():
         first, value = next(iter(timings.items()))
@@ -203,46 +215,36 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
             if kind == "char":  # UTF-16 code units, stored by columns
                 values[name.replace("/", ".")] = node[()].T.astype("<u2").tobytes().decode("utf-16-le")
             elif node.dtype.names and not kind:
-                numeric = (field for field in node.dtype.names if node.dtype[field].kind in "fiub")
-                values |= {f"{name}.{field}".replace("/", "."): node[field] for field in numeric}
+                values |= _fields(name.replace("/", "."), node)
             elif node.dtype.kind in "fiub" and kind not in ("cell", "function_handle"):
                 place = name.replace("/", ".")
                 values[place] = _unscaled(node, place, path).T  # MATLAB stores arrays by columns
-                if unit := _unit(node):
+                if unit := " ".join(units_of(node.attrs)):
                     values[f"units.{place}"] = unit
     return values
 
 
-def _unit(node: Any) -> str:
-    """Return the unit that an attribute of a data set states; empty if there is none."""
-    unit = node.attrs.get("units", node.attrs.get("unit"))
-    return unit.decode("utf-8", errors="replace") if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
+def _fields(place: str, node: Any) -> dict[str, Any]:
+    """Return the fields of numbers in a compound data set, and their units, which one attribute may list."""
+    names, said = node.dtype.names, units_of(node.attrs)
+    said = re.split(r"\s*[,;]\s*", said[0]) if len(said) == 1 < len(names) else said
+    values = {f"{place}.{name}": node[name] for name in names if node.dtype[name].kind in "fiub"}
+    return values | {
+        f"units.{place}.{name}": unit for name, unit in zip(names, said, strict=False) if len(said) == len(names)
+    }
 
 
 def _unscaled(node: Any, place: str, path: str) -> np.ndarray:
     """Return the values of a data set, unpacked as section 8.1 of the CF conventions says; fill values become nan."""
-    packed: np.ndarray = node[()]
-    numbers = {name: value[0] for name in node.attrs if (value := _numeric(node.attrs[name])).size == 1}
-    known = {name: numbers[name] for name in (*_PACKING, *_FILLS) if name in numbers}
+    packed = np.asarray(node[()])  # a scalar, too
+    known = {name: value for name, value in numeric(node.attrs).items() if name in (*_PACKING, *_FILLS)}
+    if not any(name in known for name in _PACKING):
+        require_no_scale(node.attrs, place, path)
     if not known:
-        scales = {name: value for name, value in numbers.items() if _SCALING.fullmatch(name)}
-        unknown = next((name for name, value in scales.items() if value != float("offset" not in name.lower())), None)
-        if unknown and packed.dtype.kind in "iu" and _unit(node).lower() not in _COUNTED:
-            raise DataError(
-                f'{path}: "{clipped(place)}" holds whole numbers, and its attribute "{clipped(unknown)}" is '
-                f"{numbers[unknown]:g}; rename it to scale_factor or add_offset if the values must be multiplied by it or "
-                f"increased by it, and remove it if they are in {clipped(_unit(node))} already"
-            )
         return packed
     values = packed.astype(np.float64)
     values[np.isin(packed, [known[name] for name in _FILLS if name in known])] = np.nan
     return np.asarray(values * float(known.get("scale_factor", 1.0)) + float(known.get("add_offset", 0.0)))
-
-
-def _numeric(value: Any) -> np.ndarray:
-    """Return the numbers in an attribute, (n,); none for another attribute."""
-    numbers = np.ravel(value)
-    return numbers if numbers.dtype.kind in "fiu" else np.empty(0)
 
 
 def _structs(name: str, node: Any, file: Any) -> Iterator[tuple[str, Any]]:

@@ -1,7 +1,7 @@
 """NetCDF files, by xarray: version 4 through h5netcdf, version 3 through SciPy.
 
-The variables along one dimension are the columns; the attribute ``units`` names the unit. The clock starts at the date
-of a coordinate that counts ``seconds since`` it (https://cfconventions.org, section 4.4).
+The variables along one dimension are the columns; an attribute such as ``units`` names the unit. The clock starts at
+the date of a coordinate that counts ``seconds since`` it (https://cfconventions.org, section 4.4).
 """
 
 import hashlib
@@ -15,7 +15,7 @@ import numpy as np
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes
 from deatwin.plant.files.formats.apart import unpacked
-from deatwin.plant.files.formats.arrays import ArrayTable, array_table
+from deatwin.plant.files.formats.arrays import ArrayTable, array_table, require_no_scale, units_of
 from deatwin.plant.files.formats.description import KEY, read_description
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared
@@ -23,15 +23,6 @@ from deatwin.plant.files.formats.unpacked import Metered, require_plain_hdf5
 from deatwin.plant.recording import Recording
 
 _ENGINES = {b"CDF": "scipy", b"\x89HD": "h5netcdf"}
-_SECONDS = {
-    "day": 86400.0,
-    "hour": 3600.0,
-    "minute": 60.0,
-    "second": 1.0,
-    "millisecond": 1e-3,
-    "microsecond": 1e-6,
-    "nanosecond": 1e-9,
-}
 
 
 def read_netcdf(path: str | Path) -> ArrayTable:
@@ -41,9 +32,8 @@ def read_netcdf(path: str | Path) -> ArrayTable:
         raise DataError(f"{name}: not a NetCDF file")
     with reading(name, "NetCDF"):
         found, attributes = unpacked(variables_of, content, name)
-    columns, units = {}, {}
-    for header, (values, unit) in found.items():
-        columns[header], units[header] = _in_seconds(values, unit)
+    columns = {header: values for header, (values, _) in found.items()}
+    units = {header: re.sub(r"(?i)\s+since .+", "", unit) for header, (_, unit) in found.items()}
     described = attributes.pop(KEY, None)
     return array_table(
         name,
@@ -63,11 +53,11 @@ def variables_of(content: bytes, path: str) -> tuple[dict[str, tuple[np.ndarray,
         with require("h5py", path).File(io.BytesIO(content), "r") as file:
             require_plain_hdf5(file, path)
     with xarray.open_dataset(Metered(content, path), engine=engine, decode_times=False, **options) as dataset:
-        found = {
-            str(key): (np.array(variable.values), str(variable.attrs.get("units", "")))
-            for key, variable in dataset.variables.items()
-            if variable.ndim == 1
-        }
+        found = {}
+        for key, variable in dataset.variables.items():
+            if variable.ndim and sum(size > 1 for size in variable.shape) <= 1:
+                require_no_scale(variable.attrs, str(key), path)
+                found[str(key)] = np.array(variable.values).ravel(), " ".join(units_of(variable.attrs))
         attributes = {str(key): value for key, value in dataset.attrs.items() if isinstance(value, str)}
     return found, attributes
 
@@ -83,11 +73,3 @@ def write_netcdf(path: str | Path, recording: Recording) -> None:
 def _xarray(purpose: str) -> Any:
     """Import xarray and the packages for files of version 4."""
     return [require(package, purpose) for package in ("h5py", "h5netcdf", "xarray")][-1]
-
-
-def _in_seconds(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
-    """Return times since a date in seconds; other values and units are unchanged."""
-    since = re.fullmatch(r"(\w+?)s? since .+", unit.strip())
-    if not since or since[1] not in _SECONDS:
-        return values, unit
-    return values * _SECONDS[since[1]], "s"

@@ -16,6 +16,7 @@ from deatwin.plant.safe_read import clipped
 
 _SAME_CLOCK = 1e-3  # Relative difference below which two sample times mean the same clock
 _NO_UNITS = ("", "-", "–", "1")  # Entries in a line of units that stand for no unit
+OVERFLOW = 1e20  # SI value above which a number marks an overflow or a missing value: 9.91e37 pF is 9.91e25 F
 _LISTED = 20  # Largest number of headers that an error lists
 
 
@@ -170,4 +171,5 @@ class Table(ABC):
     def unmistakable(self, column: int) -> str:
         """Return the header of a column, or its position if other columns have the same header."""
         header = self.headers[column]
-        return self.shown(column) if header and self.headers.count(header) == 1 else f"#{column + 1}"
+        written = self.shown(column) == header and self.headers.count(header) == 1  # neither clipped nor escaped
+        return header if header and written else f"#{column + 1}"

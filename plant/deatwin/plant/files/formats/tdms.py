@@ -1,7 +1,8 @@
 """TDMS files of LabVIEW, by nptdms (NI, "TDMS File Format Internal Structure"; LabVIEW help, "Set Waveform Attribute").
 
 A channel is a column, ``group/channel`` if two groups have one of its name. ``wf_increment`` and ``wf_start_offset``
-state the clock where no channel holds times, ``unit_string`` (or DAQmx's ``NI_UnitDescription``) the unit;
+state the clock where no channel holds times, ``unit_string`` (or DAQmx's ``NI_UnitDescription``) the unit,
+``wf_xunit_string`` that of the clock;
 ``wf_start_time`` goes into the provenance.
 """
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes
-from deatwin.plant.files.formats.arrays import ArrayTable, array_table
+from deatwin.plant.files.formats.arrays import ArrayTable, array_table, require_no_scale, units_of
 from deatwin.plant.files.formats.description import (
     KEY,
     describe,
@@ -27,13 +28,13 @@ from deatwin.plant.files.formats.description import (
 )
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared, Timing
+from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.recording import Recording
-from deatwin.plant.safe_read import in_words
+from deatwin.plant.safe_read import clipped, in_words
 
 STARTED = "wf_start_time"
 _GROUP = "recording"
 _BROKEN_OFF = ("Last segment", "Data size")  # Messages about an interrupted acquisition, which keeps its data
-_UNITS = ("unit_string", "NI_UnitDescription")
 
 
 def read_tdms(path: str | Path) -> ArrayTable:
@@ -45,7 +46,7 @@ def read_tdms(path: str | Path) -> ArrayTable:
         file = nptdms.TdmsFile.read(io.BytesIO(content))
         found = [channel for group in file.groups() for channel in group.channels() if len(channel)]
         values = [_seconds(np.asarray(channel[:])) for channel in found]
-        timings = [_timing(channel) for channel in found]
+        timings = [_timing(channel, name) for channel in found]
         declared = _declared(file, found, name)
     common = Counter(channel.name for channel in found)
     headers = [c.name if common[c.name] == 1 else f"{c.group_name}/{c.name}" for c in found]
@@ -53,7 +54,7 @@ def read_tdms(path: str | Path) -> ArrayTable:
         name,
         hashlib.sha256(content).hexdigest(),
         dict(zip(headers, values, strict=True)),
-        {header: _unit(channel) for header, channel in zip(headers, found, strict=True)},
+        {header: _unit(channel, name) for header, channel in zip(headers, found, strict=True)},
         declared=declared,
         timings=dict(zip(headers, timings, strict=True)),
     )
@@ -94,17 +95,29 @@ def _declared(file: Any, channels: list[Any], path: str) -> Declared:
     return Declared(provenance=notes | ({STARTED: started.pop()} if len(started) == 1 else {}))
 
 
-def _timing(channel: Any) -> Timing | None:
+def _timing(channel: Any, path: str) -> Timing | None:
     """Return the clock of a waveform; None if the increment is 0, LabVIEW's default."""
     increment = float(channel.properties.get("wf_increment", 0.0))
     start = float(channel.properties.get("wf_start_offset", 0.0))
-    says_it = 0.0 < increment < np.inf and np.isfinite(start)
-    return Timing(sample_time=increment, start=start) if says_it else None
+    if not (0.0 < increment < np.inf and np.isfinite(start)):
+        return None
+    said = str(channel.properties.get("wf_xunit_string", "")).strip()
+    unit = UNITS[find_unit(said or "s")]
+    if unit.si != "s":
+        raise DataError(
+            f'{path}: the x values of the waveform "{clipped(channel.name)}" are in "{clipped(said)}" (wf_xunit_string); a '
+            "recording needs times"
+        )
+    step, first = unit.to_si(np.array([increment, start])).tolist()
+    return Timing(sample_time=step, start=first)
 
 
-def _unit(channel: Any) -> str:
+def _unit(channel: Any, path: str) -> str:
     """Return the unit in a channel's properties."""
-    return next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
+    # nptdms has applied the scales that DAQmx describes in properties NI_...; wf_... describe the clock
+    own = {key: value for key, value in channel.properties.items() if not key.startswith(("NI_", "wf_"))}
+    require_no_scale(own, channel.name, path)
+    return " ".join(units_of(channel.properties))
 
 
 def _seconds(values: np.ndarray) -> np.ndarray:
