@@ -30,7 +30,7 @@ TIMING = 0.15
 """Prior standard deviation of the time at which a reading is taken, in samples."""
 SLOW, SLOW_TIME, SLOW_MODES = 0.3, 3000.0, 4
 """Rms of the slow part of the model error, as a share of the rig's, its time constant in samples, and the number of its
-modes that are kept."""
+modes that are kept in each recording."""
 SPREAD, NOISE = 0.7, 0.1
 """Prior standard deviations of the logarithm of the fast error's rms, a factor of two either way, and of that of the
 noise."""
@@ -64,12 +64,11 @@ class OwnError:
     @cached_property
     def columns(self) -> np.ndarray:
         """Return columns for the repeatable error (bends, timing, slow modes), shape (n, k), at the expected size."""
-        clock = np.arange(self.times.size) * self.sample_time
         columns = np.column_stack(
             [
                 structured.bends(self.readings, self.rms),
                 structured.timing(self.readings, self.times, self.records, TIMING * self.sample_time),
-                structured.slow(clock, SLOW * self.rms, SLOW_TIME * self.sample_time, SLOW_MODES),
+                structured.slow(self.times, self.records, SLOW * self.rms, SLOW_TIME * self.sample_time, SLOW_MODES),
             ]
         )
         return columns / np.reshape(self.level, (-1, 1))
@@ -78,7 +77,7 @@ class OwnError:
     def of_timing(self) -> np.ndarray:
         """Return which column is the timing, bool of shape (k,)."""
         count = self.columns.shape[1]
-        return np.arange(count) == count - 1 - SLOW_MODES
+        return np.arange(count) == count - 1 - SLOW_MODES * np.unique(self.records).size
 
     @property
     def process(self) -> Process:

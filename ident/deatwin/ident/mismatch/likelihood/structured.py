@@ -54,15 +54,20 @@ def known(directions: np.ndarray, sizes: Sequence[float]) -> np.ndarray:
     return directions * np.divide(sizes, lengths, out=np.zeros_like(lengths), where=lengths > 0.0)
 
 
-def slow(times: np.ndarray, rms: float, constant: float, count: int) -> np.ndarray:
-    """Return the largest principal directions of a slow first-order process, (n, count), with given rms, SI, and time
-    constant, s.
+def slow(times: np.ndarray, records: np.ndarray, rms: float, constant: float, count: int) -> np.ndarray:
+    """Return the largest principal directions of a slow first-order process in each recording, (n, count times the
+    number of recordings), with given rms, SI, and time constant, s. `records`, (n,), numbers the recordings.
     """
-    grid = np.linspace(times.min(), times.max(), GRID)
-    cov = rms**2 * np.exp(-np.abs(grid[:, None] - grid) / constant)
-    squares, modes = np.linalg.eigh(cov)
-    largest = modes[:, ::-1][:, :count] * np.sqrt(squares[::-1][:count])
-    return np.column_stack([np.interp(times, grid, mode) for mode in largest.T])
+    # What time passes between two recordings is not known, so their errors are independent.
+    ends = [*(1 + np.flatnonzero(np.diff(records))), times.size]
+    found = np.zeros((times.size, count * len(ends)))
+    for k, (first, last) in enumerate(zip([0, *ends[:-1]], ends, strict=True)):
+        grid = np.linspace(times[first], times[last - 1], GRID)
+        squares, modes = np.linalg.eigh(rms**2 * np.exp(-np.abs(grid[:, None] - grid) / constant))
+        largest = modes[:, ::-1][:, :count] * np.sqrt(squares[::-1][:count])
+        own = [np.interp(times[first:last], grid, mode) for mode in largest.T]
+        found[first:last, k * count : (k + 1) * count] = np.column_stack(own)
+    return found
 
 
 def law(

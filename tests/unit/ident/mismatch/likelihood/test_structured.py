@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
 from deatwin.ident.mismatch.likelihood.structured import FILTERS, bends, known, law, limited, slow, timing
@@ -51,12 +52,21 @@ def test_known_directions_come_with_their_sizes():
 
 
 def test_slow_modes_hold_nearly_all_of_a_slow_process():
-    columns = slow(TIMES, 2e-7, 60.0, 4)
+    columns = slow(TIMES, np.zeros(TIMES.size), 2e-7, 60.0, 4)
     whole = 4e-14 * np.exp(-np.abs(TIMES[::50, None] - TIMES[::50]) / 60.0)
     left = np.trace(whole - columns[::50] @ columns[::50].T) / np.trace(whole)
     # Karhunen and Loève of an exponential covariance: eigenvalues 2c/(w² + c²), c = T/tau = 1, w tan(w/2) = 1 and so on
     w = np.array([1.3065, 3.6732, 6.5846, 9.6317])
     assert left == pytest.approx(1.0 - np.sum(2.0 / (w**2 + 1.0)), abs=0.005)
+
+
+def test_slow_errors_do_not_depend_on_the_order_of_recordings():
+    """Each recording has the process of one alone, whatever came before it and whenever that was."""
+    sizes, pause = (400, 900, 250), 1e4
+    alone = [slow(TIMES[:n], np.zeros(n), 2e-7, 60.0, 4) for n in sizes]
+    times = np.concatenate([TIMES[:n] + k * pause for k, n in enumerate(sizes)])
+    together = slow(times, np.repeat(np.arange(3), sizes), 2e-7, 60.0, 4)
+    np.testing.assert_allclose(together @ together.T, block_diag(*(c @ c.T for c in alone)), atol=1e-9 * 2e-7**2)
 
 
 def test_another_law_of_an_effect_is_bent_or_has_other_times():
