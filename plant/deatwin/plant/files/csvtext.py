@@ -369,7 +369,8 @@ def _starts(lines: list[str], cells: list[list[str]], delimiter: str, width: int
             continue
         header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
         if _are_units(header) and delimiter != BLANKS and '"' not in lines[k - 1]:  # its last cells may be empty
-            header += [""] * (lines[k - 1].count(delimiter) + 1 - len(header))
+            named = len(cells[k - 2]) if k > 1 else 0
+            header += [""] * (max(lines[k - 1].count(delimiter) + 1, named) - len(header))
         # No cell can be empty if blanks delimit, so all lines have as many.
         even = delimiter != BLANKS or ({len(row) for row in follow} == {len(header)} and len(header) > 1)
         if even and width <= len(header) >= len(cells[k]):
