@@ -86,7 +86,7 @@ def decode(content: bytes, path: str) -> str:
     written = content.rstrip(b"\0\x1a")  # a logger that loses power leaves the rest unwritten; DOS marks the end
     content = written if written.endswith(b"\n") else content  # in the middle of a row, a number may be cut
     if b"\0" in content:
-        book = "; end the name of an Excel workbook in .xlsx" if content[:2] == b"PK" else ""
+        book = "; end the name of an Excel workbook in .xlsx, and unpack a zip file" if content[:2] == b"PK" else ""
         raise DataError(f"{path}: not a text file; save the table as CSV in UTF-8{book}")
     try:
         return content.decode("utf-8-sig")
