@@ -139,7 +139,7 @@ def without_index_line(lines: list[str], rows: list[int]) -> tuple[list[str], li
         if k - above < 2 or _kind(cells[k + 1][0]) not in ("number", "date"):
             continue
         head, name = lines[above:k], found[1].strip()
-        if name and not any(find_unit(row[0]) for row in cells[above:k]):
+        if name and not any(find_unit(row[0]) or LIKE_TIMES.search(row[0]) for row in cells[above:k]):
             head = [
                 other if _are_units(row[1:]) else name + delimiter + other.partition(delimiter)[2]
                 for other, row in zip(head, cells[above:k], strict=True)
