@@ -86,7 +86,7 @@ def decode(content: bytes, path: str) -> str:
     written = content.rstrip(b"\0\x1a")  # a logger that loses power leaves the rest unwritten; DOS marks the end
     content = written if written.endswith(b"\n") else content  # in the middle of a row, a number may be cut
     if b"\0" in content:
-        book = "; end the name of an Excel workbook in .xlsx" if content[:2] == b"PK" else ""
+        book = "; end the name of an Excel workbook in .xlsx, and unpack a zip file" if content[:2] == b"PK" else ""
         raise DataError(f"{path}: not a text file; save the table as CSV in UTF-8{book}")
     try:
         return content.decode("utf-8-sig")
@@ -139,7 +139,7 @@ def without_index_line(lines: list[str], rows: list[int]) -> tuple[list[str], li
         if k - above < 2 or _kind(cells[k + 1][0]) not in ("number", "date"):
             continue
         head, name = lines[above:k], found[1].strip()
-        if name and not any(find_unit(row[0]) for row in cells[above:k]):
+        if name and not any(find_unit(row[0]) or LIKE_TIMES.search(row[0]) for row in cells[above:k]):
             head = [
                 other if _are_units(row[1:]) else name + delimiter + other.partition(delimiter)[2]
                 for other, row in zip(head, cells[above:k], strict=True)
@@ -369,7 +369,8 @@ def _starts(lines: list[str], cells: list[list[str]], delimiter: str, width: int
             continue
         header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
         if _are_units(header) and delimiter != BLANKS and '"' not in lines[k - 1]:  # its last cells may be empty
-            header += [""] * (lines[k - 1].count(delimiter) + 1 - len(header))
+            named = len(cells[k - 2]) if k > 1 else 0
+            header += [""] * (max(lines[k - 1].count(delimiter) + 1, named) - len(header))
         # No cell can be empty if blanks delimit, so all lines have as many.
         even = delimiter != BLANKS or ({len(row) for row in follow} == {len(header)} and len(header) > 1)
         if even and width <= len(header) >= len(cells[k]):

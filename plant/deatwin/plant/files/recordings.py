@@ -314,7 +314,9 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     if ending not in ways:
         kind = f"files {f'with the extension {ending}' if ending else 'without an extension'}"
         hint = (
-            "; rename a text file to .txt, and export any other table to one of these formats" if verb == "read" else ""
+            "; rename a text file to .txt, and write any other table as CSV, in Python with DataFrame.to_csv of pandas"
+            if verb == "read"
+            else ""
         )
         raise DataError(f"{path}: {kind} cannot be {verb}; known are {', '.join(ways)}{hint}")
     return ways[ending]

@@ -100,7 +100,7 @@ def _unread(table: Table, found: Understood, remaining: str) -> Understood:
             found = replace(found, placeholders=("--dt", "SECONDS"))
             return replace(found, columns=_columns(table, found))
     words = shlex.join(found.further.words)
-    remaining = f"with {words}: {remaining}" if words else ""
+    remaining = f"with {words}: {remaining}" if words and remaining != found.refused else ""
     return replace(found, columns=_columns(table, found), further=NO_OPTIONS, remaining=remaining)
 
 

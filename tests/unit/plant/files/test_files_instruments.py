@@ -208,6 +208,14 @@ def test_units_stand_above_or_below_the_names_of_a_table_with_numbered_rows(
     np.testing.assert_allclose(found.outputs[0], 1e-3 * (np.arange(20) % 5), rtol=1e-15)
 
 
+def test_the_last_column_needs_no_unit_below_its_name(tmp_path: Path) -> None:
+    """As in a workbook, which stores no empty cells at the end of a row."""
+    rows = [f"{20 * k},{k % 3},{k % 5},OK" for k in range(20)]
+    (tmp_path / "r.csv").write_text("\n".join(["t,u,y,state", "ms,V,mm", *rows]), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u", output_column="y")
+    assert (found.sample_time, found.output_units) == (pytest.approx(0.02), ("m",))
+
+
 def test_names_of_one_letter_are_no_units_below_a_title(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text(f"Operator,Smith,Date,Day\nt,s,F,V\n{table(T, Y, Y, U)}", encoding="utf-8")
     assert read_recording(tmp_path / "r.csv", input_column="V", output_column="s").output_units == ("",)

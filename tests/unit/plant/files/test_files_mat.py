@@ -262,6 +262,21 @@ def test_a_scale_beside_values_and_unit_in_a_struct(tmp_path: Path, scale: float
         check(read_recording(tmp_path / "r.mat", **named))
 
 
+@pytest.mark.parametrize("kind", [int, float])
+def test_the_resolution_may_scale_whole_numbers_only(tmp_path: Path, kind: type) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["time_s"], file["command_V"], file["displacement"] = TIME, COMMAND, np.arange(N, dtype=kind)
+        file["displacement"].attrs.update({"units": "mm", "resolution": 1e-3})
+    if kind is int:
+        with pytest.raises(
+            DataError, match=r'"displacement" is in mm, and its attribute "resolution" is 0.001, which is'
+        ):
+            read_recording(tmp_path / "r.h5")
+    else:
+        assert read_recording(tmp_path / "r.h5").outputs[0, 2] == 2e-3
+
+
 def test_fields_of_a_compound_data_set_are_columns(tmp_path: Path) -> None:
     h5py = pytest.importorskip("h5py")
     rows = np.array(list(zip(*SIGNALS.values(), strict=True)), dtype=[(name, float) for name in SIGNALS])

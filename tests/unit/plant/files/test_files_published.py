@@ -157,6 +157,10 @@ def test_several_levels_of_names_above_the_name_of_the_index(write, head: tuple[
     np.testing.assert_allclose(recording.outputs, 1e-3 * np.array([Y]), rtol=1e-15)
 
 
+def test_a_remark_below_a_title_and_names_does_not_replace_the_name_of_the_times(write) -> None:
+    check(read_recording(write("Film 7,,", "time_s,u,y", "Remark,,", *rows(seconds)), **NAMED))
+
+
 class TestTimes:
     @pytest.mark.parametrize("name", ["ts", "Timestamp", "unixTime", "t", "Time (s)", "time [s]"])
     def test_usual_names(self, write, name: str) -> None:

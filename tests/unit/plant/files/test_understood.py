@@ -147,6 +147,13 @@ def test_a_column_without_any_number_is_named_with_its_cell(tmp_path: Path) -> N
     assert 'row 2, column "u_V": "FALSE" is not a number' in understand(tmp_path / "r.csv").remaining
 
 
+def test_an_error_that_stays_is_told_once(tmp_path: Path) -> None:
+    rows = [f"{0.02 * (k // 2):.2f},{'uy'[k % 2]},{k % 5}" for k in range(40)]
+    (tmp_path / "r.csv").write_text("\n".join(["time_s,field,value", *rows]), encoding="utf-8")
+    found = understand(tmp_path / "r.csv")
+    assert 'the column "field" seems to name the channel' in found.refused and found.remaining == ""
+
+
 @pytest.mark.parametrize("header", ["u\u200b", "u" * 200])
 def test_a_header_that_cannot_be_written_is_offered_by_its_position(tmp_path: Path, header: str) -> None:
     rows = [f"{0.02 * k:.2f},{k % 3},{k % 5}" for k in range(20)]

@@ -19,9 +19,9 @@ _UNITS = re.compile(
     r"(?i)(NI_|engineering)?[ _]?units?([ _]?(string|symbol|description))?"
 )  # Attributes that name units
 _SCALING = re.compile(
-    r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset|factor|multiplier|conversion|resolution)([ _].*)?|.*per[ _]?(count|bit|lsb)"
+    r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset|factor|multiplier|conversion)([ _].*)?|.*per[ _]?(count|bit|lsb)"
 )
-"""Names of attributes that may say how numbers become values."""
+"""Names of attributes that may say how numbers become values; of whole numbers, the resolution may, too."""
 _COUNTED = ("", "1", "count", "counts", "adu", "dn", "lsb", "raw")  # Units, in lower case, of values that are counts
 
 
@@ -152,11 +152,12 @@ def units_of(attributes: Mapping[str, Any]) -> list[str]:
     return []
 
 
-def require_no_scale(attributes: Mapping[str, Any], place: str, path: str) -> None:
+def require_no_scale(attributes: Mapping[str, Any], place: str, path: str, *, whole: bool = False) -> None:
     """Refuse a signal in a unit that has an attribute by which its numbers may still have to be scaled."""
     unit = " ".join(units_of(attributes))
     for name, number in numeric(attributes).items():
-        if _SCALING.fullmatch(name) and number != float("offset" not in name.lower()) and unit.lower() not in _COUNTED:
+        scales = _SCALING.fullmatch(name) or (whole and name.lower() == "resolution")
+        if scales and number != float("offset" not in name.lower()) and unit.lower() not in _COUNTED:
             raise DataError(
                 f'{path}: "{clipped(place)}" is in {clipped(unit)}, and its attribute "{clipped(name)}" is {number:g}, '
                 "which is not applied; scale the values and remove it, or only remove it if they are in "

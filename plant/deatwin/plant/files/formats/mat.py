@@ -239,7 +239,7 @@ def _unscaled(node: Any, place: str, path: str) -> np.ndarray:
     packed = np.asarray(node[()])  # a scalar, too
     known = {name: value for name, value in numeric(node.attrs).items() if name in (*_PACKING, *_FILLS)}
     if not any(name in known for name in _PACKING):
-        require_no_scale(node.attrs, place, path)
+        require_no_scale(node.attrs, place, path, whole=packed.dtype.kind in "iu")
     if not known:
         return packed
     values = packed.astype(np.float64)

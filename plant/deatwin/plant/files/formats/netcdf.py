@@ -56,7 +56,7 @@ def variables_of(content: bytes, path: str) -> tuple[dict[str, tuple[np.ndarray,
         found = {}
         for key, variable in dataset.variables.items():
             if variable.ndim and sum(size > 1 for size in variable.shape) <= 1:
-                require_no_scale(variable.attrs, str(key), path)
+                require_no_scale(variable.attrs, str(key), path, whole=variable.dtype.kind in "iu")
                 found[str(key)] = np.array(variable.values).ravel(), " ".join(units_of(variable.attrs))
         attributes = {str(key): value for key, value in dataset.attrs.items() if isinstance(value, str)}
     return found, attributes
