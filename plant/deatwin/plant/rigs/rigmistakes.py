@@ -5,7 +5,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+import numpy as np
+
 from deatwin.plant.errors import nearest
+from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.readings import ELECTRICAL_UNITS
 from deatwin.plant.rigs.rigkeys import DRIVE, Keys, NumberKey, TextKey, kind_of
 from deatwin.plant.rigs.rigkinds import COMMANDS, KINDS, Pair
@@ -17,6 +20,7 @@ from deatwin.plant.supply import Supply
 Place = tuple[str, ...]  # A section, or a section and one of its keys; empty for the whole file
 
 READINGS = "readings"  # Section whose own sections describe further readings
+ALIKE = 0.85  # Likeness of names of one quantity: a letter or two are wrong
 MOST = 20  # Number of mistakes that are listed one by one
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\\]*"|'[^']*')"""
 _PATH = rf"{_PART}(?:\s*\.\s*{_PART})*"
@@ -211,7 +215,7 @@ def _inside(
     if not isinstance(values, Mapping):
         yield Mistake(text=f"{section} is {kind_of(values)}; it must be a section [{section}]", line_of=(section,))
         return
-    yield from (_unknown(name, section, called, table) for name in values if name not in keys)
+    yield from (_unknown(name, values[name], section, called, table) for name in values if name not in keys)
     for name, key in keys.items():
         replaced = key.instead in values or key.instead[1:-1] in data
         if name in values and key.instead in values:
@@ -238,19 +242,37 @@ def _written(name: str, keys: Keys) -> str:
     return f'{name} = "{key.choices[0]}"' if isinstance(key, TextKey) else name
 
 
-def _unknown(name: str, section: str, called: str, table: Mapping[str, Keys]) -> Mistake:
+def _unknown(name: str, value: object, section: str, called: str, table: Mapping[str, Keys]) -> Mistake:
     """Return the mistake of an unknown key, with its proper section, else the nearest name, else all names."""
     keys = table[section]
     owners = [other for other, others in table.items() if name in others]
     hint = nearest(name[:100], keys)
-    right = f"; it belongs in [{owners[0]}]" if owners else hint or f"; known are {_listed(keys)}"
-    meant = (owners[0], name) if owners else (section, *_offered(hint, keys))
+    offered = _offered(hint, keys)
+    unit = _in_its_unit(name, value, offered[0]) if offered else ""
+    right = f"; it belongs in [{owners[0]}]" if owners else f"{hint}{unit}" or f"; known are {_listed(keys)}"
+    meant = (owners[0], name) if owners else (section, *offered)
     return Mistake(
         text=f'unknown key "{clipped(name)}"{right}',
         at=(called,),
         line_of=(called, name),
         meant=meant if len(meant) == 2 else (),
     )
+
+
+def _in_its_unit(name: str, value: object, offered: str) -> str:
+    """Say that the key that is offered is another quantity or has another unit, with the value in it if it is known."""
+    (said, _, last), (other, _, unit) = (key.rpartition("_") for key in (name, offered))
+    given, wanted = find_unit(last), find_unit(unit)
+    if not given or not wanted:
+        return ""
+    if not nearest(said, (other,), likeness=ALIKE):
+        return f" It is another quantity, in {wanted}"
+    if given == wanted:
+        return ""
+    said = f" Its value is in {wanted}, not in {given}"
+    if isinstance(value, bool) or not isinstance(value, int | float) or UNITS[given].si != UNITS[wanted].si:
+        return said
+    return f"{said}: {float(UNITS[given].onto(UNITS[wanted], wanted).to_si(np.array(float(value)))):.6g}"
 
 
 def _order(

@@ -1,6 +1,7 @@
 """A rig file with several mistakes: all of them in one error, each with its key, its line and what is allowed."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,8 @@ from rig_files import SOUND
 from deatwin.plant import load_plant
 from deatwin.plant.errors import RigError
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
-from deatwin.plant.rigs.rigmistakes import MOST
+from deatwin.plant.rigs.rigkinds import KINDS
+from deatwin.plant.rigs.rigmistakes import MOST, mistakes_of
 
 WRONG = """\
 # of the second visit
@@ -202,3 +204,21 @@ def test_mistakes_in_material_and_film_are_told_together_with_their_lines(tmp_pa
         number = 1 + next(k for k, line in enumerate(lines) if line.startswith(start))
         assert re.search(rf"line {number}, \[\w+\] {what}", said)
     assert "modulus_Pa of branch 2 is out of range" in said and "4 mistakes" in said
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("noise_mm = 0.002", '"noise_um"? Its value is in um, not in mm: 2'),
+        ("thickness_in = 0.02", '"thickness_mm"? Its value is in mm, not in inch: 0.508'),
+        ("frame_radius_mm = 40.0", '"frame_diameter_mm"? It is another quantity, in mm'),
+        ("sample_time_s = 0.02", '"sample_rate_Hz"? It is another quantity, in Hz'),
+        ("start_ramp_ms = 2000", '"start_ramp_s"? Its value is in s, not in ms: 2'),
+    ],
+)
+def test_a_key_in_another_unit_is_offered_with_its_value_there(given, said):
+    name = given.partition(" ")[0]
+    section = next(s for s, keys in KINDS["diaphragm"].sections.items() if said.split('"')[1] in keys)
+    value = tomllib.loads(given)[name]
+    (found,) = (m for m in mistakes_of({section: {name: value}}) if m.line_of == (section, name))
+    assert found.text == f'unknown key "{name}"; did you mean {said}'
