@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.plant.arrays import seconds
+from deatwin.plant.arrays import real_numbers, seconds
 from deatwin.plant.errors import DataError
 
 
@@ -21,7 +21,7 @@ def sample_count(name: str, time: float, sample_time: float) -> int:
 
 def command_array(commands: ArrayLike) -> NDArray[np.float64]:
     """Return commands as an array, shape (n,), V; raise DataError if they are not a row of finite numbers."""
-    array = np.asarray(commands, dtype=np.float64)
+    array = real_numbers(commands, "commands")
     if array.ndim != 1 or array.size == 0 or not np.isfinite(array).all():
         raise DataError(f"commands of shape {array.shape}: need one row of at least one finite number")
     return array
