@@ -28,6 +28,7 @@ from deatwin.plant import (
     RigError,
     Roll,
     Scale,
+    Sizes,
     Stack,
     actuation_curve,
     draw_rig,
@@ -207,6 +208,22 @@ PARAMETERS: list[tuple[Callable[[], object], str]] = [
         "mass = 2 kg is out of range: allowed is 1e-06 to 1 kg",
     ),
     (lambda: ParameterSet([MASS, MASS]), "mass is given twice"),
+    *(
+        (
+            lambda name=name, wrong=wrong: replace(MASS, **{name: wrong}),
+            f"{name} of the parameter .* is {wrong!r}; it must",
+        )
+        for name, wrong in (("name", 3), ("unit", None), ("scale", "log"), ("known", "no"))
+    ),
+    *(
+        (
+            lambda name=name, wrong=wrong: Sizes(**{name: wrong}),
+            f"{name} of the sizes is .*; it must be a number above 0",
+        )
+        for name in ("motion", "force", "period", "command", "voltage")
+        for wrong in (0.0, -1.0, np.nan, "a")
+    ),
+    (lambda: Sizes(command_unit=None), "command_unit of the sizes is None; it must be text"),
     (lambda: ParameterSet(["mass"]), "'mass' is not a Parameter"),
     (lambda: ParameterSet(3), "parameters is 3: give a tuple of parameters"),
     *(
