@@ -68,7 +68,7 @@ class Parameter:
     Raises
     ------
     RigError
-        If the value or an end of the range is not a number, the value lies outside the range, or the range is empty.
+        If a field has the wrong type, the value lies outside the range, or the range is empty.
     """
 
     name: str
@@ -82,6 +82,9 @@ class Parameter:
     widest: float | None = None
 
     def __post_init__(self) -> None:
+        for name, kind in (("name", str), ("unit", str), ("source", str), ("scale", Scale), ("known", bool)):
+            if not isinstance(given := getattr(self, name), kind):
+                raise RigError(f"{name} of the parameter {self.name} is {given!r}; it must be a {kind.__name__}")
         for name in ("value", "lower", "upper"):
             if not isinstance(number := getattr(self, name), Real):
                 raise RigError(f"{name} of the parameter {self.name} is {number!r}; it must be a number")

@@ -28,6 +28,7 @@ from deatwin.plant import (
     RigError,
     Roll,
     Scale,
+    Sizes,
     Stack,
     actuation_curve,
     draw_rig,
@@ -81,7 +82,6 @@ EXCITATION: list[tuple[Callable[[], object], str]] = [
     (lambda: noise(band=0.0), "band 0 Hz"),
     (lambda: noise(mean=0.5), "lower < mean < upper"),
     (lambda: noise(variance=-1.0), "variance >= 0"),
-    (lambda: noise(variance=np.nan), "variance >= 0"),
     (lambda: noise(duration=0.5), "needs at least 1 s"),
     (lambda: noise(duration=0.0), "at least one sample"),
     (lambda: noise(duration=np.inf), "at least one sample"),
@@ -165,8 +165,18 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         (lambda kind=kind: arrays(np.ones(5), np.ones(5), 1.0, **{kind: ["K"]}), f"{kind} must be a mapping of names")
         for kind in ("extras", "extra_units", "provenance")
     ),
-    *((lambda time=time: noise(time), "duration must be one number, in s") for time in (None, "long", [1.0, 2.0])),
-    (lambda: noise(10.0, None), "sample_time must be one number, in s"),
+    *(
+        (lambda name=name, wrong=wrong: noise(**{name: wrong}), f"{name} is .*; it must be a number")
+        for name in ("duration", "sample_time", "mean", "variance", "band", "lower")
+        for wrong in (None, "a", [1.0, 2.0], 1j, True, np.nan)
+    ),
+    (lambda: linear_chirp(5.0, H, mean=np.nan), "mean is nan; it must be a number"),
+    *(
+        (lambda wrong=wrong: staircase(1.0, levels=wrong), "levels is .*; it must be an integer")
+        for wrong in (2.5, None)
+    ),
+    (lambda: triangles(H, rates=[1j]), "rates must be an array of real numbers"),
+    (lambda: random_phase_multisine(RNG, 5.0, H, [1], 0.1, amplitudes=["a"]), "amplitudes must be an array of real"),
     (lambda: Experiment(recordings=(ramp(), ramp(start=1.5))), "overlap between 1.5 s and 2 s.*--experiment"),
     (lambda: Experiment(recordings=(ramp(), ramp(9.0, 0.01))), "sample times 0.02 s and 0.01 s"),
     (
@@ -198,6 +208,22 @@ PARAMETERS: list[tuple[Callable[[], object], str]] = [
         "mass = 2 kg is out of range: allowed is 1e-06 to 1 kg",
     ),
     (lambda: ParameterSet([MASS, MASS]), "mass is given twice"),
+    *(
+        (
+            lambda name=name, wrong=wrong: replace(MASS, **{name: wrong}),
+            f"{name} of the parameter .* is {wrong!r}; it must",
+        )
+        for name, wrong in (("name", 3), ("unit", None), ("scale", "log"), ("known", "no"))
+    ),
+    *(
+        (
+            lambda name=name, wrong=wrong: Sizes(**{name: wrong}),
+            f"{name} of the sizes is .*; it must be a number above 0",
+        )
+        for name in ("motion", "force", "period", "command", "voltage")
+        for wrong in (0.0, -1.0, np.nan, "a")
+    ),
+    (lambda: Sizes(command_unit=None), "command_unit of the sizes is None; it must be text"),
     (lambda: ParameterSet(["mass"]), "'mass' is not a Parameter"),
     (lambda: ParameterSet(3), "parameters is 3: give a tuple of parameters"),
     *(

@@ -170,7 +170,7 @@ def _rows_of(model: NarxModel, inputs: Sequence[str] | None, order: int) -> tupl
                 f"the model has {count} inputs: name that of each frequency, as inputs={[model.input_names[0]] * order}"
             )
         return (0,) * order
-    if isinstance(inputs, str) or len(inputs) != order:
+    if not isinstance(inputs, list | tuple) or len(inputs) != order:
         raise ModelError(f"inputs = {inputs!r}; order {order} needs the names of {order} input(s), one a frequency")
     return tuple(input_row(model, name) for name in inputs)
 

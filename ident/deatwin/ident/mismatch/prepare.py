@@ -60,7 +60,7 @@ def prepare(
     SimulationError
         If the plant cannot be simulated on the recordings.
     """
-    known = plant.rig.effects() if effects is None else _at_sizes_of(plant.rig, require_effects(effects))
+    known = effects_for(plant.rig, effects)
     problem = _problem_of(plant, checked, known, jobs)
     base = calibrate_base(problem)
     noisier = _noisier(base, problem)
@@ -84,12 +84,15 @@ def prepare(
     return replace(problem, nominal=nominal), base.with_stages(stages)
 
 
-def _at_sizes_of(rig: Rig, effects: Sequence[Effect]) -> Sequence[Effect]:
-    """Return effects of the catalogue at the sizes and in the words of a rig, and a user's own effects unchanged."""
+def effects_for(rig: Rig, effects: Sequence[Effect] | None) -> Sequence[Effect]:
+    """Return the effects of a rig, or given ones: those of the catalogue at the sizes and in the words of the rig."""
+    if effects is None:
+        return rig.effects()
+    given = require_effects(effects)
     if rig.sizes is None:
-        return effects
+        return given
     known = {type(effect) for effect in (*catalogue(), *machine_catalogue())}
-    return [rig.sizes.of(effect) if type(effect) in known else effect for effect in effects]
+    return [rig.sizes.of(effect) if type(effect) in known else effect for effect in given]
 
 
 def _problem_of(

@@ -7,12 +7,14 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.effects.places import Elsewhere, placed
+from deatwin.plant.errors import RigError
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -62,6 +64,11 @@ class Sizes:
     body : str
         Name of the moving part in sentences; the diaphragm has a ball.
 
+    Raises
+    ------
+    RigError
+        If a size is not a number above 0, or a unit or the name is not a text.
+
     Examples
     --------
     >>> from deatwin.plant import CubicStiffness
@@ -81,6 +88,16 @@ class Sizes:
     command_unit: str = "V"
     reading_unit: str | None = None
     body: str = "ball"
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value, is_text = getattr(self, field.name), field.type.startswith("str")
+            if value is None and field.default is None:
+                continue
+            if is_text and not isinstance(value, str):
+                raise RigError(f"{field.name} of the sizes is {value!r}; it must be text")
+            if not is_text and not (isinstance(value, Real) and 0.0 < float(value) < np.inf):
+                raise RigError(f"{field.name} of the sizes is {value!r}; it must be a number above 0")
 
     def of(self, effect: Effect) -> Effect:
         """Return an effect scaled to this plant.

@@ -7,13 +7,14 @@ odd ones on odd lines; odd lines that are left out of the excitation show the od
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.plant.arrays import require_generator
+from deatwin.plant.arrays import real_numbers, require_generator
 from deatwin.plant.errors import DataError
-from deatwin.plant.excitation.samples import sample_count
+from deatwin.plant.excitation.samples import sample_count, with_numbers
 
 ATTEMPTS = 100  # Number of draws of the phases before the limits count as too narrow
 
 
+@with_numbers
 def odd_harmonics(period: float, band: float) -> NDArray[np.int64]:
     """Return the odd harmonics of a period up to a frequency.
 
@@ -44,6 +45,7 @@ def odd_harmonics(period: float, band: float) -> NDArray[np.int64]:
     return np.arange(1, int(period * band * (1.0 + 1e-12)) + 1, 2)
 
 
+@with_numbers
 def random_odd_harmonics(
     rng: np.random.Generator, period: float, band: float, group: int = 3
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -89,6 +91,7 @@ def random_odd_harmonics(
     return np.delete(lines, left_out), lines[left_out]
 
 
+@with_numbers
 def random_phase_multisine(
     rng: np.random.Generator,
     period: float,
@@ -184,7 +187,7 @@ def _checked_lines(harmonics: ArrayLike, n: int) -> NDArray[np.int64]:
 
 
 def _checked_amplitudes(amplitudes: ArrayLike | None, m: int) -> NDArray[np.float64]:
-    given = np.ones(m) if amplitudes is None else np.asarray(amplitudes, dtype=np.float64)
+    given = np.ones(m) if amplitudes is None else real_numbers(amplitudes, "amplitudes")
     if given.shape != (m,) or not np.isfinite(given).all() or not given.min() >= 0.0 or not given.any():
         raise DataError(f"amplitudes of shape {given.shape}: need {m}, one a harmonic, none negative and not all zero")
     return given

@@ -5,9 +5,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.errors import DataError
-from deatwin.plant.excitation.samples import command_array, sample_count
+from deatwin.plant.excitation.samples import command_array, sample_count, with_numbers
 
 
+@with_numbers
 def band_limited_noise(
     rng: np.random.Generator,
     duration: float,
@@ -70,6 +71,7 @@ def band_limited_noise(
     return np.clip(mean + noise, lower, upper)
 
 
+@with_numbers
 def share_above_band(commands: ArrayLike, sample_time: float, band: float) -> float:
     """Return the share of a signal's power above a frequency, with the power at 0 Hz left out of the total.
 

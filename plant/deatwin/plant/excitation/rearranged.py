@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.plant.excitation.samples import command_array, sample_count
+from deatwin.plant.excitation.samples import command_array, sample_count, with_numbers
 
 
+@with_numbers
 def with_alternating_polarity(commands: ArrayLike, sample_time: float, segment: float) -> NDArray[np.float64]:
     """Return a signal with the sign of every second segment reversed.
 

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.plant.arrays import require_generator
+from deatwin.plant.arrays import real_numbers, require_generator
 from deatwin.plant.errors import DataError
-from deatwin.plant.excitation.samples import sample_count
+from deatwin.plant.excitation.samples import sample_count, with_numbers
 
 
+@with_numbers
 def random_holds(
     rng: np.random.Generator,
     duration: float,
@@ -60,6 +61,7 @@ def random_holds(
     return command
 
 
+@with_numbers
 def staircase(
     sample_time: float, lower: float = 1.1, upper: float = 3.75, levels: int = 6, hold: float = 300.0
 ) -> NDArray[np.float64]:
@@ -101,6 +103,7 @@ def staircase(
     return np.repeat(np.r_[up, up[-2::-1]], sample_count("hold", hold, sample_time))
 
 
+@with_numbers
 def triangles(
     sample_time: float,
     lower: float = 1.1,
@@ -137,6 +140,7 @@ def triangles(
         rate.
     """
     _check_range(lower, upper)
+    rates = real_numbers(rates, "rates").ravel().tolist()
     if not sample_time > 0.0 or cycles < 1 or len(rates) == 0:
         raise DataError(
             f"sample time {sample_time:g} s, {cycles} cycles, {len(rates)} rates: need a sample time above 0, "

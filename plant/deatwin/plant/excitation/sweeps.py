@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.excitation.samples import sample_count
+from deatwin.plant.excitation.samples import sample_count, with_numbers
 
 
+@with_numbers
 def linear_chirp(
     duration: float,
     sample_time: float,
@@ -51,6 +52,7 @@ def linear_chirp(
     return mean + amplitude * np.sin(2.0 * np.pi * cycles)
 
 
+@with_numbers
 def logarithmic_chirp(
     duration: float,
     sample_time: float,

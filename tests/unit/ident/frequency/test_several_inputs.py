@@ -144,8 +144,9 @@ def test_inputs_are_named_as_in_the_model() -> None:
     assert found.unit == "m/(V K)" and found.inputs == ("volts", "heat")
     with pytest.raises(ModelError, match=r"no input 'volt'; did you mean \"volts\"\?"):
         gfrf(named, 1, [0.1], inputs=["volt"])
-    with pytest.raises(ModelError, match="needs the names of 2 input"):
-        gfrf(named, 2, W, inputs=["volts"])
+    for wrong in (["volts"], "volts", 2):
+        with pytest.raises(ModelError, match="needs the names of 2 input"):
+            gfrf(named, 2, W, inputs=wrong)
     with pytest.raises(ModelError, match="for several take nofrf_exact"):
         nofrf(named, np.ones((2, 8)), 1)
     with pytest.raises(ModelError, match="give the power of each by its name"):

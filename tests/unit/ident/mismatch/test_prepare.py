@@ -10,7 +10,7 @@ from foreign_models import Motor
 
 from deatwin.ident.mismatch import check_quality, confirm, detect, diagnose, linearised_responses, prepare
 from deatwin.ident.mismatch.locate.track import readings
-from deatwin.ident.mismatch.prepare import _at_sizes_of, _motion
+from deatwin.ident.mismatch.prepare import _motion, effects_for
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.parallel import one_thread, spawn_generators
 from deatwin.plant import (
@@ -100,12 +100,12 @@ def test_effects_that_are_passed_speak_of_the_rig_and_a_users_own_stay_as_they_a
         name = "rubbing"
 
     given = [CoulombFriction(), SensorDrift(), own := Rubbing()]
-    friction, drift, kept = _at_sizes_of(Motor(), given)
+    friction, drift, kept = effects_for(Motor(), given)
     assert "rotor" in friction.wording and "ball" not in friction.wording
     assert friction.described("force").unit == "N m" and drift.described("change").unit == "rad/s"
     assert kept is own
-    assert _at_sizes_of(Motor(), [friction])[0] is friction
-    assert _at_sizes_of(Diaphragm(), given) is given
+    assert effects_for(Motor(), [friction])[0] is friction
+    assert effects_for(Diaphragm(), given) is given
 
 
 @pytest.mark.skipif(compiler() is None, reason="fits: without a C compiler they take ten times as long")

@@ -21,10 +21,11 @@ from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors, tak
 from deatwin.ident.mismatch.naming.screen import response, shapes_of
 from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen, TellingReading
 from deatwin.ident.mismatch.plan.seen import Change, distances, smallest
+from deatwin.ident.mismatch.prepare import effects_for
 from deatwin.ident.parallel import one_thread, require_workers, run_jobs
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.arrays import require_seed
-from deatwin.plant.effects.base import Effect, require_effects
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.readings import Reading
@@ -67,8 +68,8 @@ def plan_experiment(
         The input; its readings are ignored. Without it, several waveforms are tried, and the one with the least
         confusion among the effects is chosen.
     effects : sequence of Effect, optional
-        Effects that may be missing; by default all that the rig offers. Effects that the rig does not accept are
-        skipped.
+        Effects that may be missing; by default all that the rig offers. Effects of the catalogue are scaled as in
+        `diagnose`. Effects that the rig does not accept are skipped.
     seconds : float, optional
         Length of the suggested input, s; by default 3000 samples.
     jobs : int
@@ -101,8 +102,7 @@ def plan_experiment(
     tell = progress or (lambda share, text: None)
     require_workers(jobs)
     require_seed(seed)
-    given = plant.rig.effects() if effects is None else require_effects(effects)
-    known = [effect for effect in given if plant.accepts(effect)]
+    known = [effect for effect in effects_for(plant.rig, effects) if plant.accepts(effect)]
     if not known:
         raise DataError("there is nothing to plan for: none of the effects can be added to this rig")
     if commands is not None:

@@ -11,6 +11,7 @@ from made_rigs import Bare
 from deatwin.ident.mismatch import ExperimentPlan, plan_experiment
 from deatwin.plant import (
     DataError,
+    DeadZone,
     Delay,
     Experiment,
     ModelError,
@@ -20,6 +21,7 @@ from deatwin.plant import (
     Recording,
     SensorCurvature,
     SensorLag,
+    Sizes,
 )
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
@@ -84,6 +86,19 @@ def test_the_change_is_what_a_simulation_with_the_effect_gives(plan: ExperimentP
 def test_more_noise_needs_more(plan: ExperimentPlan) -> None:
     noisy = plan_experiment(Plant(rig=Amplifier(noise=2e-5)), steps(), effects=EFFECTS)
     assert all(row(noisy, one.effect).smallest > one.smallest for one in plan.effects)
+
+
+def test_given_effects_have_the_units_and_sizes_of_the_rig() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Coil(Amplifier):
+        kind: ClassVar[str] = "coil"
+        input_unit: ClassVar[str] = "A"
+        sizes: ClassVar[Sizes] = Sizes(command=3.0, command_unit="A", motion=1e-4, period=0.1)
+
+    given = Recording.from_arrays(steps().inputs, np.zeros((0, 600)), STEP, input_names="current", input_units="A")
+    (found,) = plan_experiment(Plant(rig=Coil()), given, effects=[DeadZone(width=0.1)]).effects
+    assert found.unit == "A"
+    assert found.typical == Coil.sizes.of(DeadZone(width=0.1)).width
 
 
 def test_a_slow_input_does_not_tell_a_delay_from_a_lag() -> None:
