@@ -53,11 +53,6 @@ class LinearPart(Frozen):
         """Poles in the z plane."""
         return poles_of(self.output_lags, self.a)
 
-    @property
-    def is_stable(self) -> bool:
-        """True if all poles lie inside the unit circle."""
-        return bool(np.all(np.abs(self.poles) < 1.0))
-
 
 def operating_input_of(model: NarxModel, operating_input: ArrayLike | None) -> Array:
     """Return the constant inputs at which a model is analysed. Shapes: `operating_input` ()."""

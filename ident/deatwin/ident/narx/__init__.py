@@ -33,7 +33,7 @@ from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.semp_search import SempStep
 from deatwin.ident.narx.shapes import register_function
 from deatwin.ident.narx.shrinkage import Bayesian, Ridge
-from deatwin.ident.narx.svb import CleanUpMove, SvbNarx
+from deatwin.ident.narx.svb import SvbNarx
 from deatwin.ident.narx.terms import Term, TermTable, Variable, generate_terms
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.narx.unstable import Unstable
@@ -42,7 +42,6 @@ from deatwin.plant.recording import Experiment, Recording
 
 __all__ = [
     "Bayesian",
-    "CleanUpMove",
     "CorrelationTest",
     "Excitation",
     "Experiment",

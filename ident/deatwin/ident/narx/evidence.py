@@ -50,12 +50,10 @@ def log_prior(n_terms: int, n_candidates: int) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Move:
-    """One change of a structure."""
+    """A structure on the way to the most probable one."""
 
-    chosen: Indices  # shape (n_terms,): Structure after the change, as increasing positions among the candidates
-    removed: int | None  # Removed term; None for an addition and at the start
-    added: int | None  # Added term; None for a removal and at the start
-    log_odds: float  # ln p(structure | y) after the change, minus that of the structure without any term, nats
+    chosen: Indices  # shape (n_terms,): Increasing positions among the candidates
+    log_odds: float  # ln p(structure | y) minus that of the structure without any term, nats
 
 
 def log_odds(data: Statistics, chosen: Indices) -> float:
@@ -68,7 +66,7 @@ def log_odds(data: Statistics, chosen: Indices) -> float:
 
 def climb(data: Statistics, start: Indices) -> Iterator[Move]:
     """Move to the most probable neighbour, by one term, until none is more probable; yield the moves."""
-    move = Move(chosen=np.sort(start), removed=None, added=None, log_odds=log_odds(data, start))
+    move = Move(chosen=np.sort(start), log_odds=log_odds(data, start))
     yield move
     while move.log_odds > -np.inf:
         best = _best_neighbour(data, move.chosen)
@@ -95,7 +93,7 @@ def _best_neighbour(data: Statistics, chosen: Indices) -> Move:
         removed = int(chosen[place])
     rest = chosen[chosen != removed]
     structure = rest if added is None else np.sort(np.append(rest, added))
-    return Move(chosen=structure, removed=removed, added=added, log_odds=float(best))
+    return Move(chosen=structure, log_odds=float(best))
 
 
 def _posterior(data: Statistics, left: Array | float, n_terms: int) -> Array:

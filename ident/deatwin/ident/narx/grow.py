@@ -72,9 +72,6 @@ class Grow(CandidateSearch):
         Outcome of the search; ``NOT_CONVERGED`` if the gradient of the free-run error is not small at its end.
     path_ : tuple of GrowStep
         Steps of the growth and of the pruning, on the part whose structure was kept.
-    errors_, held_out_errors_ : ndarray, shape (n_steps,)
-        Root mean square of the free-run error after each step, on the samples that trained the structure and on the
-        held-out ones, in the output's unit.
 
     Notes
     -----
@@ -125,8 +122,6 @@ class Grow(CandidateSearch):
                     self.status_ = FitStatus.NOT_CONVERGED
         named = dict(zip(single.table.terms, data.table.terms, strict=True))
         self.path_ = tuple(_renamed(step, named) for step in search.path)
-        self.errors_ = np.array([step.error for step in self.path_])
-        self.held_out_errors_ = np.array([step.held_out_error for step in self.path_])
         kept = data.only([single.table.terms.index(term) for term in model.terms])
         self.terms_, scale = kept.table.terms, kept.term_scales
         return kept.model(

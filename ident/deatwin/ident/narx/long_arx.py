@@ -45,7 +45,6 @@ class LongArx:
     a: Array  # shape (n_output_lags + 1,): Coefficients of A, from q^0 on
     b: Array  # shape (n_inputs, longest + 1): Coefficients of each B, from lag 0 on; zero before the shortest lag
     variance: float
-    n_samples: int  # Number of residuals
 
     def lags(self, which: int) -> range:
         """Lags of an input, the largest first, so that each test shows what a shorter lag adds to the longer ones."""
@@ -73,7 +72,7 @@ class LongArx:
         tested = np.split(theta[order + 1 :], np.cumsum(sizes)[:-1])
         b = np.array([np.pad(one[::-1], (first, 0)) for one, first in zip(tested, shortest, strict=True)])
         a = np.r_[1.0, -theta[1 : order + 1]]
-        return cls(signals, tuple(shortest), longest, order, a, b, variance, target.size)
+        return cls(signals, tuple(shortest), longest, order, a, b, variance)
 
     def hides(self, which: int) -> bool:
         """Return whether an input acts although its lags are too similar for any of them to be significant alone."""

@@ -17,7 +17,6 @@ from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.pruning import PruningStep, draw_bounds
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
 
@@ -29,26 +28,6 @@ Array = NDArray[np.float64]
 
 _CLEAN_UPS = ("none", "evidence")
 _PRUNING = 0.9  # share of the progress for pruning if a clean-up follows
-
-
-@dataclass(frozen=True, kw_only=True)
-class CleanUpMove:
-    """One step of the clean-up that ends the search by `SvbNarx`: a term is added, removed or exchanged for another.
-
-    Parameters
-    ----------
-    removed, added : Term or None
-        Term that was removed and term that was added. An exchange has both; the initial structure has neither.
-    terms : tuple of Term
-        Terms after the move.
-    log_odds : float
-        ln p(structure | y) after the move, minus ln p(structure | y) of the structure without terms, in nats.
-    """
-
-    removed: Term | None
-    added: Term | None
-    terms: tuple[Term, ...]
-    log_odds: float
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -111,8 +90,6 @@ class SvbNarx(CandidateSearch):
         Relevance 1 / E[alpha] of each term, in the scaling above.
     path_ : tuple of PruningStep
         Pruning steps, from all candidates down to one term.
-    moves_ : tuple of CleanUpMove
-        Moves of the clean-up, from its initial structure on; empty with ``clean_up="none"``.
 
     References
     ----------
@@ -169,11 +146,9 @@ class SvbNarx(CandidateSearch):
         self.path_ = self._pruned(data, statistics, progress)
         best = max(range(len(self.path_)), key=lambda s: self.path_[s].lower_bound)
         chosen = self.path_[best].indices
-        moves: list[Move] = []
         if self.clean_up == "evidence" and self.status_.ok:
-            moves = self._climbed(statistics, self.path_[best:], progress)
-            chosen = moves[-1].chosen if moves else chosen
-        self.moves_ = tuple(_in_terms(move, data.table.terms) for move in moves)
+            move = self._climbed(statistics, self.path_[best:], progress)
+            chosen = chosen if move is None else move.chosen
         # The bound may have several maxima. The final fit is the better of two: one started without any term, one at
         # least squares, from where nearly collinear terms find their shares.
         starts = (self.c0 / self.d0, FLAT)
@@ -241,18 +216,16 @@ class SvbNarx(CandidateSearch):
             max_iterations=self.max_iterations,
         )
 
-    def _climbed(self, statistics: Statistics, steps: Sequence[PruningStep], progress: Progress) -> list[Move]:
-        """Return the moves to the most probable structure found; after an interrupt, those made so far."""
-        best: list[Move] = []
+    def _climbed(self, statistics: Statistics, steps: Sequence[PruningStep], progress: Progress) -> Move | None:
+        """Return the move to the most probable structure found; None if it was interrupted before the first."""
+        best: Move | None = None
         made = 0
         try:
             start = max((step.indices for step in steps), key=lambda indices: log_odds(statistics, indices))
             for beginning in (start, steps[-1].indices):
-                moves: list[Move] = []
                 for move in climb(statistics, beginning):
-                    moves.append(move)
-                    if not best or move.log_odds > best[-1].log_odds:
-                        best = moves
+                    if best is None or move.log_odds > best.log_odds:
+                        best = move
                     made += 1
                     share = 1 - (1 - _PRUNING) / (made + 1)  # the number of moves is not known beforehand
                     progress(share, f"clean-up: {move.chosen.size} terms, log-odds {move.log_odds:.6g}")
@@ -263,13 +236,3 @@ class SvbNarx(CandidateSearch):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the lower bound over the pruning steps, with the largest marked, on `ax` or new axes."""
         return draw_bounds(self.path_, ax)
-
-
-def _in_terms(move: Move, terms: tuple[Term, ...]) -> CleanUpMove:
-    """Return a move in terms instead of positions."""
-    return CleanUpMove(
-        removed=None if move.removed is None else terms[move.removed],
-        added=None if move.added is None else terms[move.added],
-        terms=tuple(terms[i] for i in move.chosen),
-        log_odds=move.log_odds,
-    )

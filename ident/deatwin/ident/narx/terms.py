@@ -227,10 +227,6 @@ class TermTable:
         """Return the number of channels of a `kind`, "y", "u" or "e", that the terms need."""
         return max((v.index + 1 for v in self.variables if v.kind == kind), default=0)
 
-    def without(self, kind: str) -> TermTable:
-        """Return the terms without factors of a `kind`, in the same order; one with no others becomes the constant."""
-        return TermTable(tuple(Term(tuple(f for f in term.factors if f[0].kind != kind)) for term in self.terms))
-
     @cached_property
     def _plan(self) -> tuple[tuple[int | None, tuple[int, ...]], ...]:
         """Return, for each term, the earlier term that it extends by a factor, if any, and the factors to multiply."""

@@ -125,11 +125,6 @@ class ThetaTrajectory(
         """Terms of all equations."""
         return self.model.terms
 
-    @property
-    def noise_variance(self) -> float | Array:
-        """Variance of e(k), square of the output's unit; one for each output if there are several."""
-        return self.model.noise_variance
-
     @cached_property
     def std(self) -> Array:
         """Standard deviation of each parameter, shape (n_terms, n)."""

@@ -58,7 +58,7 @@ def test_the_path_tells_what_was_tried_and_the_least_held_out_error_was_kept():
         assert len(after.added) + len(after.pruned) == 1
     allowed = [step for step in grow.path_ if len(step.terms) <= 6]
     assert grow.terms_ == min(allowed, key=lambda step: step.held_out_error).terms
-    assert np.all(np.diff(grow.errors_[: turn + 1]) <= 0)
+    assert np.all(np.diff([step.error for step in grow.path_[: turn + 1]]) <= 0)
     step = next(step for step in grow.path_ if step.terms == grow.terms_)
     cut = data.n_samples - round(data.n_samples / 3)
     again = refine(Fixed(terms=step.terms).fit(data.section(0, cut)).model_, data.section(0, cut))

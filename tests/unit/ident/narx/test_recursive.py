@@ -75,7 +75,7 @@ def test_every_sample_is_the_weighted_least_squares_of_its_past(forgetting):
         theta, *_ = np.linalg.lstsq(weights[:, None] * phi[:last], weights * y[:last])
         np.testing.assert_allclose(found.theta[:, k], theta, rtol=1e-9)
         spread = np.linalg.inv((weights[:, None] * phi[:last]).T @ (weights[:, None] * phi[:last]))
-        np.testing.assert_allclose(found.theta_cov[k], found.noise_variance * spread, rtol=1e-8, atol=1e-12)
+        np.testing.assert_allclose(found.theta_cov[k], found.model.noise_variance * spread, rtol=1e-8, atol=1e-12)
 
 
 def test_collinear_regressors_cost_no_more_digits_than_least_squares():
@@ -185,7 +185,7 @@ def test_variances_of_largest_likelihood_recover_the_truth():
         best = ThetaSmoother(terms=TERMS[:2]).fit(recording).trajectory_
         true = ThetaSmoother(terms=TERMS[:2], noise_variance=noise**2, drift_variance=std**2).fit(recording).trajectory_
         gains.append(2 * (best.log_likelihood - true.log_likelihood))
-        noises.append(best.noise_variance)
+        noises.append(best.model.noise_variance)
         drifts.append(np.sqrt(best.drift_variance))
     assert min(gains) > -1e-3  # nothing is likelier than the most likely
     assert abs(np.mean(gains) - 3) < 4 * np.sqrt(6 / 40)
@@ -251,7 +251,7 @@ def test_several_outputs_each_have_their_equation():
         assert found.terms == model.terms and found.model.equations == (0, 0, 1)
         assert found.at(35.0).theta[1] == pytest.approx(1 + 350 / 400, abs=0.1)
         assert found.at(35.0).theta[2] == pytest.approx(0.8, abs=0.05)
-        assert np.shape(found.noise_variance) == (2,)
+        assert np.shape(found.model.noise_variance) == (2,)
         assert not found.theta_cov[:, :2, 2].any()
         assert "u(k-1)" in repr(estimator)
 

@@ -110,7 +110,7 @@ def test_each_step_starts_afresh():
     assert alone.path_[0].bounds == pytest.approx(step.bounds, rel=1e-12)
 
 
-def test_the_clean_up_can_be_left_out_and_says_what_it_did():
+def test_the_clean_up_can_be_left_out():
     """Pure noise beside the signal: of 20 recordings the bound keeps false terms in some, the clean-up in hardly any.
 
     A false term is kept where its |t| exceeds about 3.8, one in 1e-4 of 158 candidates: in 2 % of recordings.
@@ -121,12 +121,9 @@ def test_the_clean_up_can_be_left_out_and_says_what_it_did():
         recording = bilinear(seed=seed)
         plain = SvbNarx(output_lags=4, input_lags=4, degree=3, clean_up="none").fit(recording)
         clean = SvbNarx(output_lags=4, input_lags=4, degree=3).fit(recording)
-        assert plain.moves_ == () and plain.status_ is clean.status_ is FitStatus.DONE
+        assert plain.status_ is clean.status_ is FitStatus.DONE
         assert [step.terms for step in clean.path_] == [step.terms for step in plain.path_]
         assert truth <= {str(term) for term in plain.terms_}
-        assert clean.moves_[0].removed is clean.moves_[0].added is None
-        assert set(clean.terms_) == set(clean.moves_[-1].terms)
-        assert np.all(np.diff([move.log_odds for move in clean.moves_]) > 0)
         exact += {str(term) for term in clean.terms_} == truth
     assert exact >= 18
 
@@ -145,12 +142,12 @@ def test_an_interrupt_keeps_the_best_so_far():
     part = SvbNarx().fit(bilinear(), progress=StopAt(4))
     assert part.status_ is FitStatus.INTERRUPTED and whole.status_ is FitStatus.DONE
     assert [step.terms for step in part.path_] == [step.terms for step in whole.path_[:4]]
-    assert part.lower_bound_ == max(step.lower_bound for step in whole.path_[:4]) and part.moves_ == ()
+    assert part.lower_bound_ == max(step.lower_bound for step in whole.path_[:4])
 
     cleaning = SvbNarx()
     cleaning.fit(bilinear(), progress=StopAt(len(whole.path_) + 1))
-    assert cleaning.status_ is FitStatus.INTERRUPTED and len(cleaning.moves_) == 1
-    assert cleaning.terms_ == cleaning.moves_[0].terms
+    assert cleaning.status_ is FitStatus.INTERRUPTED
+    assert set(cleaning.terms_) in [set(step.terms) for step in whole.path_]  # where the clean-up began
 
 
 def test_an_interrupt_before_anything_is_found_goes_on(monkeypatch):

@@ -149,11 +149,6 @@ class Nofrf(Described, Frozen):
         """Number N of orders that were fitted."""
         return len(self.orders)
 
-    @property
-    def output_unit(self) -> str:
-        """Unit of the output."""
-        return self.outputs[0].unit
-
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot on `ax` or new axes the gain of the requested order, with its truncation error if visible."""
         return self._draw(self.order, axes_or_new(ax))

@@ -217,19 +217,6 @@ class VaryingResponse(Described, Frozen):
         low, high, law = np.moveaxis(self._stacked(partial(_limits, level)), 1, 0)
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=law == 1.0)
 
-    def at(self, time: float) -> FrequencyResponse:
-        """Return the response nearest to `time`, s; ModelError if `time` is outside or there is none."""
-        slack = 1e-9 * max(1.0, float(np.abs(self.timepts).max()))
-        if not self.timepts[0] - slack <= time <= self.timepts[-1] + slack:
-            raise ModelError(
-                f"asked for {time:g} s; the response is known from {self.timepts[0]:g} s to {self.timepts[-1]:g} s"
-            )
-        nearest = int(np.argmin(np.abs(self.timepts - time)))
-        found = self.responses[nearest]
-        if found is None:
-            raise ModelError(f"at {self.timepts[nearest]:g} s: {VaryingStatus.NONE.value}")
-        return found
-
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot the gain as a map over time and frequency; unstable times are hatched, times without response blank.
 

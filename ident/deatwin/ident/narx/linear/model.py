@@ -205,11 +205,6 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         """Roots of A and of each F: the poles from the inputs to the output, shape (n_states,)."""
         return np.concatenate([np.roots(p).astype(np.complex128) for p in (self.a, *self.f)])
 
-    @property
-    def is_stable(self) -> bool:
-        """True if all poles lie inside the unit circle."""
-        return bool(np.all(np.abs(self.poles) < 1.0))
-
     def __str__(self) -> str:
         rows = {"A": self.a, "C": self.c, "D": self.d}
         rows |= {f"B{i}": b for i, b in enumerate(self.b, start=1)}
