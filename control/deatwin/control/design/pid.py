@@ -141,7 +141,8 @@ def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loo
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float
-        Desired closed-loop time constant, s.
+        Closed-loop time constant for which the gains were designed, s. It is stored in the controller, and does not
+        change the gains.
 
     Returns
     -------
