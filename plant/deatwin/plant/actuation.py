@@ -103,7 +103,10 @@ class ActuationCurve(Described):
         return float(self.commands[last - 1] + share * (self.commands[last] - self.commands[last - 1]))
 
     def plot(self, ax: Axes | None = None, **style: object) -> Axes:
-        """Plot the reading over the command, with its limits marked, on `ax` or new axes; `style` is the line's."""
+        """Plot the reading over the command, with its limits marked, on `ax` or new axes.
+
+        `style` holds matplotlib's properties of the line, such as its colour.
+        """
         ax = axes_or_new(ax)
         (command, command_unit), (reading, reading_unit) = self.axes
         factor, shown = SHOWN.get(reading_unit, (1.0, reading_unit))

@@ -202,7 +202,7 @@ class Recording:
         return self.extras.get(name, np.full(self.n_samples, np.nan))
 
     def section(self, first: int, last: int) -> Self:
-        """Return the samples `first` to `last` - 1, on the same clock; DataError if they are none or not all there."""
+        """Return the samples `first` to `last` - 1, on the same clock; DataError if there are none or not all exist."""
         if not 0 <= first < last <= self.n_samples:
             raise DataError(f"section [{first}, {last}) of a record of {self.n_samples} samples")
         return replace(

@@ -39,7 +39,8 @@ class Controller(ABC):
     command_min, command_max : float
         Least and largest command, in its unit.
     closed_loop_time : float
-        Desired time constant of the closed loop, s.
+        Time constant for which the closed loop was designed, s. `check` derives its references and the length of its
+        runs from this time; the command does not depend on it, except in a `ScheduledController`.
 
     Raises
     ------

@@ -82,7 +82,8 @@ def lqg(
     closed_loop_time : float, optional
         Closed-loop time constant, s; the default is that of `lambda_tuning`.
     noise : float
-        Standard deviation of the reading's noise, in the output's unit.
+        Standard deviation of the reading's noise, in the output's unit. Only its ratio to `drift` matters; if `drift`
+        is omitted, `noise` has no influence.
     drift : float, optional
         Standard deviation of the change of the output in one second, in the output's unit. The drift is a random walk,
         so it grows with the square root of time. By default the value that makes the observer average over half the

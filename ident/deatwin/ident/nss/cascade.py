@@ -38,9 +38,10 @@ class Structure(StrEnum):
 class Cascade(StateSpaceIdentifier):
     """Identify a cascade of linear dynamics and static functions, with one input and one output, by its free-run error.
 
-    The linear dynamics start from the best linear approximation, to which they are proportional if the input is
-    Gaussian and the cascade has one linear block (Bussgang). For ``"LNL"`` all divisions of the poles and zeros of this
-    approximation between the two blocks are tried, and the best division is fitted.
+    The linear dynamics start from the best linear approximation. If the input is Gaussian and the cascade has one
+    linear block, the dynamics of this block are proportional to that approximation (Bussgang). For ``"LNL"`` the poles
+    and zeros of the approximation are divided between the two blocks in all possible ways, and the best division is
+    fitted.
 
     Parameters
     ----------

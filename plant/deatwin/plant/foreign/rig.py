@@ -192,7 +192,7 @@ class ForeignRig(Rig):
         Raises
         ------
         RigError
-            If the module of such a model has not been imported.
+            If the module that defines the model has not been imported.
         """
         if isinstance(data, Mapping):
             tuples = {"inputs": tuple(data["inputs"]), "units": tuple((str(n), str(u)) for n, u in data["units"])}

@@ -172,7 +172,8 @@ class Rig(ABC):
         Returns
         -------
         tuple of Parameter
-            None by default, because the start procedure determines the start.
+            One parameter for each memory, which is a branch of the film or an effect with a slow state; empty if the
+            start is known, as it is by default.
         """
         return ()
 
@@ -271,7 +272,7 @@ class Rig(ABC):
 
     @property
     def share_of_motion(self) -> float:
-        """Rms error of the rig's equations that every reading has at least, as a share of the reading's variation."""
+        """Least rms error of the rig's equations in any reading, as a share of the reading's standard deviation."""
         return max(self.model_share, SOLVED)
 
     def rivals(self) -> tuple[Rig, ...]:

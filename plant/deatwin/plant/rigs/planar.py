@@ -190,6 +190,7 @@ class BlockedPlanar(Rig):
 
     @property
     def start(self) -> StartProcedure:
+        """Start of an experiment: from rest at command 0, with the first command."""
         return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Symbol:
