@@ -226,7 +226,7 @@ class Builder:
         self.written.balances.append(number(value, f"balance {1 + len(self.written.balances)}"))
 
     def guess(self, unknown: Symbol, value: Symbol) -> None:
-        """Let the search for rest begin with `unknown`, a state or coordinate, at `value`, from parameters and constants."""
+        """Let the search for rest begin with `unknown`, a state or coordinate, at the expression `value`."""
         known = {n: s for n, (s, *_) in (*self.written.states.items(), *self.written.coordinates.items())}
         name = next((n for n, symbol in known.items() if is_same(symbol, unknown)), None)
         if name is None:

@@ -127,8 +127,8 @@ class Recording:
         Parameters
         ----------
         inputs, outputs : (n,) or (rows, n) array_like
-            Samples in SI units, one row for each signal: give the transpose of a table that has a column for each. By
-            default a single input is a command in V, and a single output a displacement in m.
+            Samples in SI units, one row for each signal: give the transpose of a table that has a column for each
+            signal. By default a single input is a command in V, and a single output a displacement in m.
         sample_time : float
             Time between two samples, s.
         start : float

@@ -32,9 +32,9 @@ class Ridge:
     y is the output, and the columns of Z are the regressors divided by their root mean squares. A constant regressor
     is not penalised; the other regressors are then centred.
 
-    For the covariance, the penalty is read as a Gaussian prior of theta. Let n be the number of samples, p the effective
-    number of parameters, and ``s^2`` the residual sum of squares divided by n - p. ``theta_cov`` is then the posterior
-    covariance ``s^2 (Z'Z + n penalty)^-1``. It includes the bias of theta, on average over the prior.
+    For the covariance, the penalty is read as a Gaussian prior of theta. Let n be the number of samples, p the
+    effective number of parameters, and ``s^2`` the residual sum of squares divided by n - p. ``theta_cov`` is then the
+    posterior covariance ``s^2 (Z'Z + n penalty)^-1``. It includes the bias of theta, on average over the prior.
 
     Parameters
     ----------

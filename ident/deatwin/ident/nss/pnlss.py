@@ -43,8 +43,8 @@ class Pnlss(StateSpaceIdentifier):
     inputs_in_products : bool
         True if monomials may contain inputs too; False if they contain states only.
     terms, output_terms : sequence of str
-        Further terms of the equations of the state and of the output, as ``"|x2|"``, ``"tanh(s1,1) u"`` or one with a
-        function of `register_function`. Functions that are built in are those of NARX terms.
+        Further terms of the equations of the state and of the output, as ``"|x2|"``, ``"tanh(s1,1) u"`` or terms with a
+        function that `register_function` has added. The built-in functions are those of NARX terms.
     directions : int
         Number of learned directions. A direction s1, s2, ... is a weighted sum of 1, the states and the inputs. Its
         weights are estimated too. `terms` and `output_terms` must use each direction.

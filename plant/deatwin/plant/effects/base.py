@@ -153,7 +153,7 @@ class Effect(ABC):
         return ()
 
     def cycle(self, measured: Collection[str]) -> float:
-        """Return the period of the effect's cycle, s; 0 if it has none, or if a channel in `measured` shows the cycle."""
+        """Return the period of the effect's cycle, s; 0 if it has none, or a channel in `measured` shows the cycle."""
         return 0.0
 
     @property

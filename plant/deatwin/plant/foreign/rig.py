@@ -37,9 +37,9 @@ class ForeignRig(Rig):
     experiment to the last; the model itself sets its initial state.
 
     Effects act on the command, on the readings, and on the parameters in `varying`. Effects act on the command first;
-    the callable then gets the mean of the changed command over each sample. Derivatives are central differences, which worker processes compute
-    side by side if the callable can be pickled. An error or a crash of the callable ends only the simulation in which
-    it occurs.
+    the callable then gets the mean of the changed command over each sample. Derivatives are central differences, which
+    worker processes compute side by side if the callable can be pickled. An error or a crash of the callable ends only
+    the simulation in which it occurs.
 
     Parameters
     ----------
