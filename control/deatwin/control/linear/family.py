@@ -254,8 +254,8 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     Raises
     ------
     ModelError
-        If the model has several inputs, there are no operating inputs or one is not finite, or the parameters are not
-        as many finite numbers as the model has terms.
+        If the model has several inputs; if there are no operating inputs, or one is not finite; or if the parameters
+        are not finite numbers, one for each term of the model.
     """
     if len(model.input_names) != 1:
         raise ModelError(f"the model has {len(model.input_names)} inputs; a controller is designed for one")

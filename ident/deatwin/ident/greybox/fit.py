@@ -278,8 +278,8 @@ def calibrate(
     Raises
     ------
     DataError
-        If there is no recording, one is in another unit than the plant, or a name is not that of a free parameter or
-        given twice.
+        If there is no recording, or a recording has other units than the plant; or if a name occurs twice, or is not
+        the name of a free parameter.
     ModelError
         If there is no plant, `starts` or `evaluations` is not an integer of at least 1, `tolerance` is not positive, or `hopeless` is not
         a number.

@@ -65,9 +65,9 @@ class Cascade(StateSpaceIdentifier):
     model_ : NonlinearStateSpace
         The identified model, whose directions are the signals between the blocks.
     status_ : FitStatus
-        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the
-        held-out error ended the search earlier, ``NOT_CONVERGED`` if the search reached `max_steps` or could not lower
-        the error further.
+        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``INTERRUPTED`` after
+        Ctrl-C. Otherwise ``HELD_OUT`` if the held-out error ended the first search, and ``NOT_CONVERGED`` if a search
+        reached `max_steps` or could not lower the error further.
     linear_error_, error_, held_out_error_ : ndarray, shape (1,)
         Errors, defined as in `Pnlss`.
     first_states_ : ndarray, shape (n_recordings, n_states)

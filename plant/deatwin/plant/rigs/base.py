@@ -156,8 +156,9 @@ class Rig(ABC):
     def start(self) -> StartProcedure:
         """Return how an experiment starts: by default with its first command, from rest at 0.
 
-        If a recording begins at an unknown state, let each state start from a parameter,
-        ``build.state(..., start=build.parameter("level_at_start"))``, which a calibration finds like any other.
+        If recordings begin at an unknown state, `write` may give each state a parameter as its start,
+        ``build.state(..., start=build.parameter("level_at_start"))``. A calibration finds this parameter like any
+        other.
         """
         return StartProcedure()
 
