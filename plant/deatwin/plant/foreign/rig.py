@@ -159,7 +159,7 @@ class ForeignRig(Rig):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data. It holds only the name of a function, whose module must be imported before reading."""
+        """Return plain data. A function is stored by its name: import its module before you call `from_dict`."""
         plain = {
             f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "parameters", "further")
         }

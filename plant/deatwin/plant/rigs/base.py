@@ -136,7 +136,7 @@ class Rig(ABC):
 
     @property
     def body(self) -> str:
-        """Return the name of the moving part in sentences; the diaphragm alone has a ball."""
+        """Return the name of the moving part for sentences, from `sizes`; ``moving part`` by default."""
         named = (self.sizes or Sizes()).body
         return "moving part" if named == Sizes().body else named
 

@@ -218,7 +218,7 @@ class VaryingResponse(Described, Frozen):
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=law == 1.0)
 
     def at(self, time: float) -> FrequencyResponse:
-        """Return the response nearest to `time`, s; ModelError if `time` is outside or there is none."""
+        """Return the response nearest to `time`, s; ModelError if `time` is outside the times or has no response."""
         slack = 1e-9 * max(1.0, float(np.abs(self.timepts).max()))
         if not self.timepts[0] - slack <= time <= self.timepts[-1] + slack:
             raise ModelError(
