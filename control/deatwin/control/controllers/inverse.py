@@ -193,7 +193,7 @@ class InverseController(Controller):
         return self.feedback.states
 
     def start(self) -> Array:
-        """State when the loop is closed: zeros, shape (states,)."""
+        """State at the moment at which the loop is closed: zeros, shape (states,)."""
         return self.feedback.start()
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:

@@ -123,6 +123,7 @@ class Diaphragm(Rig):
 
     @property
     def body(self) -> str:
+        """Name of the moving part for sentences: ``ball``."""
         return "ball"
 
     @property
