@@ -85,12 +85,12 @@ class ActuationCurve(Described):
 
     @property
     def breakdown_command(self) -> float | None:
-        """Command at which the film breaks down; None if it does not, or if the rig has no breakdown law."""
+        """Command at which the film breaks down; None without breakdown, or if the rig has no breakdown law."""
         return self._crossing(self.signals.get("breakdown_share", np.zeros(0)) - 1.0)
 
     @property
     def slack_command(self) -> float | None:
-        """Command at which the film loses its tension; None if it does not, or the tension is not watched."""
+        """Command at which the film loses its tension; None without such a loss, or if the tension is not watched."""
         return self._crossing(-self.signals.get("tension", np.zeros(0)))
 
     def _crossing(self, excess: np.ndarray) -> float | None:
@@ -103,7 +103,10 @@ class ActuationCurve(Described):
         return float(self.commands[last - 1] + share * (self.commands[last] - self.commands[last - 1]))
 
     def plot(self, ax: Axes | None = None, **style: object) -> Axes:
-        """Plot the reading over the command, with its limits marked, on `ax` or new axes; `style` is the line's."""
+        """Plot the reading over the command, with its limits marked, on `ax` or new axes.
+
+        `style` holds matplotlib's properties of the line, such as its colour.
+        """
         ax = axes_or_new(ax)
         (command, command_unit), (reading, reading_unit) = self.axes
         factor, shown = SHOWN.get(reading_unit, (1.0, reading_unit))

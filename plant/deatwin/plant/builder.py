@@ -156,11 +156,13 @@ class Builder:
         Parameters
         ----------
         owner : str
-            Branch or effect whose memory it is. Without a parameter for its start the call has no effect.
+            Branch or effect whose memory the state is. The call has no effect unless the plant has the parameter
+            ``owner_at_start`` or ``owner.at_start``, which says how far the state is from rest at the start.
         state : casadi.SX
             Symbol that `state` returned.
         displaced : callable
-            Function of that parameter that returns the state's resting value in terms of its actual value.
+            Function of that parameter. It returns the state's value at rest, as an expression of `state` and the
+            parameter.
         """
         name = next((n for n in (f"{owner}_at_start", f"{owner}.at_start") if n in self.written.parameters), None)
         if name is not None:
@@ -194,8 +196,9 @@ class Builder:
         state : casadi.SX
             Symbol that `state` returned.
         after : casadi.SX, optional
-            State of the same scale. `state` takes its value at the end of the previous sample and keeps it; the rate of
-            `state` is zero, and so are the rates of all states written later. By default `state` begins at zero.
+            State of the same scale. `state` takes the value that `after` has at the end of the previous sample, and
+            keeps this value for a sample. The rate of `state` is zero, and so are the rates of all states written
+            later. By default `state` begins at zero.
         at_rest : float
             For a state that begins at zero: the value that it reaches at rest, over a sample with the rate at the
             sample's end.
@@ -209,7 +212,7 @@ class Builder:
             self.written.shifts[name] = source
 
     def at_last(self, rewrite: Callable[[Symbol, Builder], Symbol]) -> None:
-        """Let `rewrite(reading, build)` change the reading, SI, after all other effects and after its mean."""
+        """Let `rewrite(reading, build)` change the reading, SI, after all other effects and any mean over a sample."""
         self._last.append(rewrite)
 
     def coordinate(self, name: str, *, scale: float) -> Symbol:
@@ -223,7 +226,7 @@ class Builder:
         self.written.balances.append(number(value, f"balance {1 + len(self.written.balances)}"))
 
     def guess(self, unknown: Symbol, value: Symbol) -> None:
-        """Start the search for rest of a state or coordinate `unknown` at `value`, of parameters and constants."""
+        """Let the search for rest begin with `unknown`, a state or coordinate, at the expression `value`."""
         known = {n: s for n, (s, *_) in (*self.written.states.items(), *self.written.coordinates.items())}
         name = next((n for n, symbol in known.items() if is_same(symbol, unknown)), None)
         if name is None:
@@ -231,7 +234,7 @@ class Builder:
         self.written.guesses[name] = number(value, f"the guess of {name}")
 
     def at_rest(self, name: str, value: Symbol) -> Symbol:
-        """Return the `value` that an expression has at rest, held for the whole experiment as the symbol `name`."""
+        """Return a symbol `name` that keeps the value of the expression `value` at rest for the whole experiment."""
         symbol = ca.SX.sym(name)
         self.written.held[name] = (symbol, number(value, f"the value of {name} at rest"))
         return symbol

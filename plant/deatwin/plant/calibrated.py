@@ -132,7 +132,7 @@ class CalibratedPlant(
 
     @classmethod
     def nominal(cls, plant: Plant) -> Self:
-        """Return a `plant` that was not calibrated, whose parameters count as exact."""
+        """Make a calibrated plant from a `plant` that was not calibrated; its parameters count as exact."""
         return cls(plant=plant, noise=plant.rig.noise, model_error=plant.rig.model_error)
 
     def predict(self, experiment: Experiment | Recording) -> Prediction:

@@ -92,7 +92,7 @@ class Saved:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a file that `save` wrote at `path`; ModelError if it is missing or malformed."""
+        """Read a file that `save` wrote at `path`; ModelError if the file is missing or malformed."""
         schema, _, fields = cls._file
         return read_document(path, schema, lambda document: cls(**fields(document)))
 

@@ -137,7 +137,7 @@ class Actuator:
     seed: tuple[int, ...]
 
     def excitation(self, duration: float = DURATION) -> Experiment:
-        """Return the thesis' noise of a `duration` in s, drawn for this actuator; a shorter one is other noise."""
+        """Return the thesis' noise of a `duration` in s, drawn for this actuator and this duration."""
         step = self.plant.rig.sample_time
         commands = band_limited_noise(np.random.default_rng((*self.seed, 1)), duration, step)
         return Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), step),))

@@ -100,7 +100,7 @@ class Plant:
         return tuple(e.name for e in self.effects)
 
     def lacks(self, effect: Effect) -> bool:
-        """Return whether no effect of this plant is the given `effect`, at any place."""
+        """Return True if the plant does not have the given `effect` at any place."""
         return all(own.cause != effect.cause for own in self.effects)
 
     @property
@@ -109,11 +109,11 @@ class Plant:
         return tuple(f"{e.name}.{e.event}" for e in self.effects if e.event)
 
     def with_effects(self, *effects: Effect) -> Plant:
-        """Return the plant with more `effects`; RigError if one is none, or is in the plant already."""
+        """Return the plant with more `effects`; RigError if one is not an `Effect`, or is in the plant already."""
         return replace(self, effects=(*self.effects, *effects))
 
     def without_effects(self, *names: str) -> Plant:
-        """Return the plant without the effects of these `names`, or without all if there are none."""
+        """Return the plant without the effects of these `names`; without any effect if no name is given."""
         kept = tuple(effect for effect in self.effects if names and effect.name not in names)
         effects = (p for effect in kept for p in effect.parameters)
         own = {p.name for p in (*self.rig.parameters, *effects, *self.rig.starts_of(kept))}

@@ -127,8 +127,8 @@ class Recording:
         Parameters
         ----------
         inputs, outputs : (n,) or (rows, n) array_like
-            Samples in SI units, one row for each signal: give the transpose of a table that has a column for each. By
-            default a single input is a command in V, and a single output a displacement in m.
+            Samples in SI units, one row for each signal: give the transpose of a table that has a column for each
+            signal. By default a single input is a command in V, and a single output a displacement in m.
         sample_time : float
             Time between two samples, s.
         start : float
@@ -202,7 +202,7 @@ class Recording:
         return self.extras.get(name, np.full(self.n_samples, np.nan))
 
     def section(self, first: int, last: int) -> Self:
-        """Return the samples `first` to `last` - 1, on the same clock; DataError if they are none or not all there."""
+        """Return the samples `first` to `last` - 1, on the same clock; DataError if there are none or not all exist."""
         if not 0 <= first < last <= self.n_samples:
             raise DataError(f"section [{first}, {last}) of a record of {self.n_samples} samples")
         return replace(

@@ -132,7 +132,7 @@ class Simulation(Brief):
         )
 
     def require(self) -> Self:
-        """Return this simulation; SimulationError with time, command and place if it did not reach its end."""
+        """Return this simulation; SimulationError with time, command and place if the end was not reached."""
         if self.status.ok:
             return self
         where = ""

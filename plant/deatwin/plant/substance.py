@@ -113,7 +113,7 @@ class Material:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Make the material from the `data` of `to_dict`; RigError if it is incomplete or its energy unknown."""
+        """Make the material from the `data` of `to_dict`; RigError if data are missing or the energy is unknown."""
         try:
             return cls(
                 name=str(data["name"]),

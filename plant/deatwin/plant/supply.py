@@ -78,7 +78,7 @@ class Supply:
         wanted : casadi.SX
             Voltage that the source would give without a load, V.
         film : AnyFilm
-            Film that it charges.
+            Film that the source charges.
         build : Builder
             Builder that gets a state and a coordinate.
 

@@ -136,10 +136,10 @@ def check(
         If model and plants do not have the same signals and sampling time, or the operating input lies outside the
         training data.
     ControlError
-        If an argument has the wrong type, the command limits make no sense, the controller is invalid, has another
-        sampling time or so long a closed-loop time that the runs would never end, or if the design or the controller's
-        `local` returns something else than a controller or raises an exception that is not one of deatwin's (which is
-        chained).
+        If an argument has the wrong type, or the command limits make no sense; if the controller is invalid, has
+        another sampling time, or has so long a closed-loop time that the runs would take too long; if `design` returns
+        no controller, or the controller's `local` no law; or if either raises an exception that is not deatwin's (that
+        exception is chained).
     """
     if controller is not None:
         require_controller(controller, model)

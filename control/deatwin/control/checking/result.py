@@ -142,7 +142,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
     predicted : PredictedLoop or None
         The model's prediction of the step run. Only its band is saved in the file.
     sine_predicted : float or None
-        Rms error on the sine reference that the model predicts, in the output's unit.
+        Rms error that the model predicts for the sine reference, in the output's unit.
     caveats : tuple of str
         Further remarks: residual tests that the model failed, a biased model, or a controller without a part that the
         design should have, such as the proportional part. They do not affect the verdict.

@@ -71,7 +71,8 @@ class MarginRow:
     Parameters
     ----------
     source : str
-        System whose linear model is judged: ``model``, ``plant``, or the name of another plant.
+        System whose linear model is judged: ``model``, ``plant``, or the name of another plant. ``model, linearised``
+        stands for the model with its uncertainty to first order (`band_margins`) instead of draws.
     operating_input : float
         Constant input at the operating point, in the input's unit.
     time : float or None
@@ -82,8 +83,8 @@ class MarginRow:
     gain_low, phase_low_deg, delay_low, disk_low : float
         2.5 % quantiles of these margins over the draws, in the same units.
     stable_share : float
-        Share of the draws with a stable closed loop. For the analytic band it is 1 if the whole band is stable, else
-        the probability of a stable loop to first order.
+        Share of the draws with a stable closed loop. For ``model, linearised`` it is 1 if all loops of the band are
+        stable, and otherwise the probability of a stable loop to first order.
     samples : int
         Number of draws, the source itself included.
     """

@@ -129,13 +129,14 @@ class Specification:
         Overshoot of a step, as a share of the step. The defaults are approximately the overshoots at phase margins of
         45 and 30 degrees in a second-order loop (Åström & Murray, sections 6.3 and 9.3).
     steady_error : Limit
-        Mean error at the end of a step, as a share of the step; integral action brings it to zero.
+        Mean error in the last third of a level of a step reference, as a share of the step; integral action brings it
+        to zero.
     ripple : Limit
-        Rms motion at the end of a step, as a share of the step; larger values mean ringing or a limit cycle.
+        Rms motion in the last third of a level, as a share of the step; large values mean ringing or a limit cycle.
     saturated : Limit
         Share of samples whose command is at a limit.
     tracking : Limit
-        Ratio of achieved to predicted error on a slow sine.
+        Rms error on a slow sine, divided by the error that the model predicts.
     diverged : Limit
         Share of the model's draws whose own closed loop diverges.
     width : Limit

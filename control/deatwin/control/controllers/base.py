@@ -39,7 +39,8 @@ class Controller(ABC):
     command_min, command_max : float
         Least and largest command, in its unit.
     closed_loop_time : float
-        Desired time constant of the closed loop, s.
+        Time constant for which the closed loop was designed, s. `check` derives its references and the length of its
+        runs from this time; the command does not depend on it, except in a `ScheduledController`.
 
     Raises
     ------
@@ -80,7 +81,7 @@ class Controller(ABC):
 
     @abstractmethod
     def start(self) -> Array:
-        """State when the loop is closed, shape (states,)."""
+        """State at the moment at which the loop is closed, shape (states,)."""
 
     @abstractmethod
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
@@ -103,11 +104,12 @@ class Controller(ABC):
 
     @abstractmethod
     def local(self, operating_input: float) -> Law:
-        """Linearise the controller about a constant `operating_input`, in the input's unit, away from the limits."""
+        """Return the linear law near a constant `operating_input`, in the input's unit, while no limit is reached."""
 
     @abstractmethod
     def scaled(self, factor: float) -> Self:
-        """Return the controller with its loop gain multiplied by `factor`; ControlError if it is 0 or not finite."""
+        """Return the controller with its loop gain multiplied by `factor`; ControlError if the factor is 0 or not
+        finite."""
 
     @abstractmethod
     def details(self) -> dict[str, Any]:

@@ -162,11 +162,10 @@ _INNER = ("name", "operating_input", "command_min", "command_max")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InverseController(Controller):
-    """A controller that computes the desired output and converts it to a command by the inverse static curve.
+    """A controller that adds feedback to the reference and converts the sum to a command by the inverse static curve.
 
-    The reference is fed forward through the inverse, so feedback only has to correct what the curve does not describe:
-    dynamics, drift and hysteresis. Because the inverse cancels the slope of the curve, the loop gain is the same at all
-    operating points.
+    The feedback only has to correct what the curve does not describe: dynamics, drift and hysteresis. Because the
+    inverse cancels the slope of the curve, the loop gain is the same at all operating points.
 
     Parameters
     ----------
@@ -194,7 +193,7 @@ class InverseController(Controller):
         return self.feedback.states
 
     def start(self) -> Array:
-        """State when the loop is closed: zeros, shape (states,)."""
+        """State at the moment at which the loop is closed: zeros, shape (states,)."""
         return self.feedback.start()
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:

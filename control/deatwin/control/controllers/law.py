@@ -89,11 +89,11 @@ class Law:
         )
 
     def scaled(self, factor: float) -> Law:
-        """Return the law with its command multiplied by `factor`, which may have a unit."""
+        """Return the law with its command multiplied by `factor`; the factor may have a unit."""
         return Law(a=self.a, b=self.b, c=factor * self.c, d=factor * self.d)
 
     def with_feedback(self, factor: float) -> Law:
-        """Return the law with its gain on the error times `factor`; A, C and what is fed forward stay the same."""
+        """Return the law with its gain on the error multiplied by `factor`; A, C and the feedforward do not change."""
         b, d = np.array(self.b), np.array(self.d)
         for column in (b.T, d):
             column[REFERENCE] += (1.0 - factor) * column[READING]
@@ -119,7 +119,7 @@ class Law:
     def lost_digits(self, sample_time: float) -> float:
         """Return the largest relative error of `feedback`, compared with the response of the state equations.
 
-        Roots of a polynomial that lie close together depend on the last digits of its coefficients.
+        `feedback` consists of polynomials. Roots that lie close together depend on the last digits of the coefficients.
 
         Parameters
         ----------

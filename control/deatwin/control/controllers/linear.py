@@ -69,7 +69,7 @@ class LinearController(Controller):
         return int(self.law.c.size)
 
     def start(self) -> Array:
-        """State when the loop is closed: zeros, shape (states,)."""
+        """State at the moment at which the loop is closed: zeros, shape (states,)."""
         return np.zeros(self.states)
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:

@@ -98,7 +98,7 @@ class ScheduledController(Controller):
         return int(self.laws[0].c.size) + 1
 
     def start(self) -> Array:
-        """State when the loop is closed: zeros and the operating input, shape (states,)."""
+        """State at the moment at which the loop is closed: zeros, then the operating input, shape (states,)."""
         return np.append(np.zeros(self.states - 1), self.operating_input)
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:

@@ -67,11 +67,11 @@ def lqg(
     r"""Design a sampled LQG controller with integral action.
 
     The regulator minimises :math:`\sum (y - r)^2 + \rho \, (\Delta u)^2` for the reading y, the reference r and the
-    change :math:`\Delta u` of the command from sample to sample, with :math:`\rho` chosen so that, one closed-loop time
-    after the delay, the reading has completed 63 % of a reference step. The observer is the stationary Kalman filter of
-    the model with white noise on the reading, a random walk of the output, and white noise on the command whose static
-    effect has the variance of one step of the walk. Because the observer estimates the drift, the loop has no error at
-    rest.
+    change :math:`\Delta u` of the command from sample to sample. The weight :math:`\rho` is chosen so that the reading
+    has completed 63 % of a reference step one closed-loop time after the delay. The observer is the stationary Kalman
+    filter of the model for three disturbances: white noise on the reading, a random walk of the output, and white noise
+    on the command. The static effect of the noise on the command has the variance of one step of the walk. Because the
+    observer estimates the drift, the loop has no error at rest.
 
     Parameters
     ----------
@@ -82,7 +82,8 @@ def lqg(
     closed_loop_time : float, optional
         Closed-loop time constant, s; the default is that of `lambda_tuning`.
     noise : float
-        Standard deviation of the reading's noise, in the output's unit.
+        Standard deviation of the reading's noise, in the output's unit. Only its ratio to `drift` matters; if `drift`
+        is omitted, `noise` has no influence.
     drift : float, optional
         Standard deviation of the change of the output in one second, in the output's unit. The drift is a random walk,
         so it grows with the square root of time. By default the value that makes the observer average over half the

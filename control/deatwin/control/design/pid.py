@@ -58,7 +58,7 @@ class PidGains:
 
     @classmethod
     def of_law(cls, law: Law, sample_time: float) -> PidGains | None:
-        """Return the gains of which `law`, at its `sample_time` in s, was made and perhaps scaled, or None."""
+        """Return the gains from which `law`, of `sample_time` in s, was made and perhaps scaled, or None."""
         if law.c.size not in (1, 2) or law.a[0, 0] != 1.0 or not law.c[0]:
             return None
         step = float(law.b[0, REFERENCE] * law.c[0])
@@ -96,7 +96,7 @@ class PidGains:
         -------
         Law
             Law whose first state is the integral, in the input's unit. For a PID the second state is the filtered
-            reading, in the output's unit. With these states, laws with other gains share their state of rest
+            reading, in the output's unit. With these states, laws with different gains share their state of rest
             (`ScheduledController`).
         """
         step = self.integral * sample_time
@@ -111,7 +111,7 @@ class PidGains:
         )
 
     def windup(self, sample_time: float) -> np.ndarray:
-        """Return the anti-windup gain, with the integral time as tracking time; an I controller tracks at once.
+        """Return the anti-windup gain: the tracking time is the integral time, or one sample for an I controller.
 
         Parameters
         ----------
@@ -141,7 +141,8 @@ def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loo
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float
-        Desired closed-loop time constant, s.
+        Closed-loop time constant for which the gains were designed, s. It is stored in the controller, and does not
+        change the gains.
 
     Returns
     -------

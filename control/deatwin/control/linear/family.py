@@ -189,7 +189,7 @@ class LinearFamily:
         Parameters
         ----------
         reading : ReadingTime
-            Instant within a row at which its reading is taken.
+            Instant within a sample at which the reading is taken.
 
         Returns
         -------
@@ -199,7 +199,8 @@ class LinearFamily:
         Raises
         ------
         ModelError
-            If the reading is no `ReadingTime`, or one at the start of the hold depends on the command that follows it.
+            If `reading` is not a `ReadingTime`, or if it is the start of the hold although the output depends on the
+            command of the same sample.
         """
         require_reading_time(reading, ModelError)
         if reading is ReadingTime.START_OF_HOLD:
@@ -253,8 +254,8 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     Raises
     ------
     ModelError
-        If the model has several inputs, there are no operating inputs or one is not finite, or the parameters are not
-        as many finite numbers as the model has terms.
+        If the model has several inputs; if there are no operating inputs, or one is not finite; or if the parameters
+        are not finite numbers, one for each term of the model.
     """
     if len(model.input_names) != 1:
         raise ModelError(f"the model has {len(model.input_names)} inputs; a controller is designed for one")

@@ -283,13 +283,13 @@ class LinearModel(Described):
     def in_loop(self, reading: ReadingTime) -> LinearModel:
         """Return the model from the command to the readings, as a controller sees it.
 
-        If a reading is taken at the end of its row's hold, only the next row's command can react to it. The loop then
-        has one sample of delay more than the rows of the recording show.
+        A row of a recording holds a command and a reading. If the reading is taken at the end of the hold, only the
+        command of the next row can react to it, so that the loop has one sample more of delay than the rows show.
 
         Parameters
         ----------
         reading : ReadingTime
-            Instant within a row at which its reading is taken.
+            Instant within a sample at which the reading is taken.
 
         Returns
         -------
@@ -299,7 +299,8 @@ class LinearModel(Described):
         Raises
         ------
         ModelError
-            If the reading is no `ReadingTime`, or one at the start of the hold depends on the command that follows it.
+            If `reading` is not a `ReadingTime`, or if it is the start of the hold although the output depends on the
+            command of the same sample.
         """
         require_reading_time(reading, ModelError)
         if reading is ReadingTime.START_OF_HOLD:
@@ -316,7 +317,8 @@ class LinearModel(Described):
     def system(self) -> TransferFunction:
         """Return the transfer function as a discrete system of python-control.
 
-        Its coefficients represent several slow modes inaccurately (`detail` says so); `state_space` is accurate.
+        If the model has several slow modes, the coefficients are inaccurate, and `detail` says so; `state_space` is
+        accurate.
 
         Returns
         -------

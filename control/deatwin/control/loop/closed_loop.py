@@ -145,12 +145,12 @@ class ClosedLoop(Described):
 
     @property
     def steady_error(self) -> float:
-        """Largest mean error over the last third of a level, as a share of the smallest step."""
+        """Mean error in the last third of a level, largest of all levels, as a share of the smallest step."""
         return self._late(lambda error: abs(float(error.mean())))
 
     @property
     def ripple(self) -> float:
-        """Largest rms motion over the last third of a level, as a share of the smallest step."""
+        """Rms motion in the last third of a level, largest of all levels, as a share of the smallest step."""
         return self._late(lambda error: float(error.std()))
 
     def _late(self, measure: Callable[[Array], float]) -> float:
@@ -174,7 +174,7 @@ class ClosedLoop(Described):
         return axes
 
     def variables(self, dimension: str, before: str = "") -> Variables:
-        """Return the run for `datasets.dataset`, with the time `dimension` and the prefix `before` of all names."""
+        """Return the signals for `datasets.dataset` over the `dimension` of time; `before` begins all their names."""
         units = {"command": self.input_unit}
         return {
             before + name: (dimension, getattr(self, name), units.get(name, self.output_unit)) for name in _SERIES[1:]

@@ -52,9 +52,9 @@ class UncertainMargin:
         First-order standard deviation: of the logarithm for gain and disk margin, in the margin's unit for phase and
         delay; 0 if nothing bounds the margin.
     low : float
-        Lower limit, which the margin exceeds with a probability of 97.5 % at a level of 95 %. The limit is the smallest
-        of the first-order limits at all crossings (for the gain margin, first-order limits of the loop gain), but at
-        least the margin's value at the edge of stability: 1 for the gain margin, 0 for the others.
+        Lower limit, which the margin exceeds with a probability of 97.5 % at a level of 95 %. Each crossing has a
+        first-order limit (for the gain margin, one of the loop gain), and the smallest of them counts. The limit is
+        never below the margin's value at the edge of stability: 1 for the gain margin, 0 for the others.
     """
 
     value: float = field(metadata=variable(about="margin of the model itself"))
@@ -111,9 +111,10 @@ class MarginBand(Described):
     def radius(self) -> float:
         """Mahalanobis radius of the simultaneous band's ellipses (Scheffé).
 
-        Its square is the quantile of chi-square with as many degrees of freedom as the covariance has rank. The
-        ellipsoid of the coefficients holds the true ones with the probability of the level, and the ellipse at each
-        frequency is its projection, so the band holds L at all frequencies at once with at least that probability.
+        The square of the radius is the quantile of chi-square, whose degrees of freedom are the rank of the covariance.
+        The ellipsoid of this radius about the coefficients contains the true coefficients with the probability of the
+        level. The ellipse at each frequency is the projection of this ellipsoid, so that the band contains the true L
+        at all frequencies at once with at least that probability.
         """
         return _scheffe(self.response.theta_cov, self.level)
 

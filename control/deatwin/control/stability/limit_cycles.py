@@ -63,7 +63,8 @@ class LimitCycles(Described, Sequence[LimitCycle]):
     amplitudes : ndarray, shape (n_amplitudes,)
         Amplitudes of the search, in the unit of the nonlinearity's input.
     describing : ndarray of complex, shape (n_amplitudes,)
-        Describing function N at these amplitudes, at the frequency of the first cycle, or of the middle of the band.
+        Describing function N at these amplitudes, at the frequency of the first cycle; without a cycle, at the middle
+        frequency of the search.
     """
 
     cycles: tuple[LimitCycle, ...] = field(metadata=table_along("cycle", kind=LimitCycle))

@@ -240,9 +240,9 @@ class FrequencyResponse(Described, Frozen):
 
         The parameters are assumed normal, or Student-t if ``theta_dof`` is finite, and the gain linear in them. The
         linearisation fails if the gain is not large compared with its uncertainty (the gain of a normal complex number
-        near zero is Rice-distributed): below four standard deviations of the longer axis of the ellipse, ``linear_law``
-        is False. Use `propagate` to test whether the response itself is linear in the parameters. The lower limit is
-        never below zero.
+        near zero is Rice-distributed). ``linear_law`` is therefore False if the gain is below four standard deviations
+        along the longer axis of the ellipse. Use `propagate` to test whether the response itself is linear in the
+        parameters. The lower limit is never below zero.
 
         Parameters
         ----------

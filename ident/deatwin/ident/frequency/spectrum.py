@@ -55,9 +55,9 @@ def output_spectrum(
     Raises
     ------
     ModelError
-        If the order is not an integer, the model has several outputs or no equilibrium, the excitation is not a finite
-        period of each input at the model's sampling time or is so large that an order overflows, or a line of the
-        excitation coincides with a pole on the unit circle.
+        If the order is not an integer; if the model has several outputs or no equilibrium; if the excitation is not a
+        finite period of each input at the model's sampling time; if the excitation is so large that an order overflows;
+        or if a line of the excitation coincides with a pole on the unit circle.
     """
     highest = whole_order(order)
     return _steady(model, excitation, operating_input, highest).response(range(1, highest + 1), 0)

@@ -72,8 +72,8 @@ class Calibration(Described):
     equals : tuple of tuple of float
         Other values of the fitted parameters, in the order of `names`, SI, at which fits ended with the same error.
     reach : tuple of tuple of float
-        Smallest and largest values, SI, of the fitted parameters at which the error is hardly larger, given if the
-        error rises less than the covariance predicts; otherwise empty.
+        Smallest and largest value of each fitted parameter, SI, at which the error is hardly larger. Empty unless the
+        error rises less than the covariance predicts.
     fault : str
         Reason why the plant cannot be simulated at its starting values; empty if it can.
     """
@@ -134,7 +134,7 @@ class Calibration(Described):
 
     @property
     def within_reach(self) -> float:
-        """Rms residual, SI; for a fit that stopped before its minimum, the value predicted by its linear model."""
+        """Rms residual, SI; for a fit that stopped before its minimum, the value of its linear model at the minimum."""
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
     def with_stages(self, count: int) -> Calibration:
@@ -154,7 +154,7 @@ class Calibration(Described):
 
     @property
     def movable(self) -> np.ndarray:
-        """Jacobian of the parameters that a refit can change, shape (m, k), SI; those on a bound are omitted."""
+        """Jacobian with respect to the k parameters that are not on a bound, shape (m, k), SI."""
         return self.jacobian[:, [k for k, name in enumerate(self.names) if name not in self.at_bound]]
 
     @cached_property
@@ -237,7 +237,7 @@ def calibrate(
 
     The plant is simulated from its state of rest; a trust-region Gauss-Newton method with exact derivatives minimises
     the squared difference between measured and simulated readings inside the physical ranges. The times of events are
-    not changed, because only one or two samples depend on a time; they still count as fitted parameters and have a
+    not changed, because only one or two samples depend on a time; the times still count as fitted parameters and have a
     variance.
 
     Because a descent ends in the nearest minimum, further fits follow, each on growing initial parts of the record: the
@@ -278,8 +278,8 @@ def calibrate(
     Raises
     ------
     DataError
-        If there is no recording, one is in another unit than the plant, or a name is not that of a free parameter or
-        given twice.
+        If there is no recording, or a recording has other units than the plant; or if a name occurs twice, or is not
+        the name of a free parameter.
     ModelError
         If there is no plant, `starts` or `evaluations` is not an integer of at least 1, `tolerance` is not positive, or `hopeless` is not
         a number.

@@ -34,9 +34,9 @@ class MaterialTest:
         Name of the specimen; tests of one specimen share its deviation from other specimens. By default the test's
         name.
     times : array_like, shape (n,), optional
-        Times, s. The stretch is 1 at time 0, and changes linearly to the stretch of the first sample; the stretch of a
-        first sample at time 0 was reached instantaneously. A test without times is treated as so slow that all branches
-        are relaxed.
+        Times, s. If the first sample is later than time 0, the stretch changes at a constant strain rate from 1 at time
+        0 to that of the first sample. If the first sample is at time 0, its stretch was reached instantaneously. A test
+        without times is treated as so slow that all branches are relaxed.
     stretch : array_like, shape (n,)
         Stretch along the pull; for a dma test a number, the mean stretch at which the specimen is relaxed, 1 by
         default.

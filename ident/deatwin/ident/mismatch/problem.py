@@ -69,8 +69,10 @@ class DiagnosisProblem:
     def log_size(self, names: Collection[str], plant: Plant) -> float:
         """Return by how much the strengths of effects at other places are less likely than typical ones.
 
-        If effects change the reading alike, only the relative strength is known: the prior is that of its logarithm, z
-        φ(z). Typical strengths that have a unit apply to film rigs only.
+        Let z be the strength of an effect, divided by the half width of its prior. If effects change the reading alike,
+        only their relative strength is known. The prior is therefore that of ln z, proportional to z exp(-z²/2),
+        relative to its largest value, at z = 1. Effects with a smaller z, and strengths with a unit, do not count,
+        because typical strengths with a unit apply to film rigs only.
 
         Parameters
         ----------
@@ -82,7 +84,7 @@ class DiagnosisProblem:
         Returns
         -------
         float
-            Log-prior in nats; 0 if no strength exceeds its typical one.
+            Log-prior in nats; 0 if no z is above 1.
         """
         found = [effect for effect in self.everywhere if effect.name in names and effect.placed_at]
         sizes = [

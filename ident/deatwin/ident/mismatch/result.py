@@ -239,7 +239,7 @@ class VerificationSummary:
         Lower 95 % bound of the decrease of the rms on held-out data.
     counts : bool or None
         True if the error certainly decreases over all data and, on held-out data, decreases by more than the model
-        error.
+        error and by most of the excess over noise.
     ablation : tuple of Ablation
         For each effect, the results when this effect is removed and the rest is refitted.
     shams : tuple of PlaceboSummary

@@ -68,7 +68,8 @@ class NarxResponse(Described):
     status : ResponseStatus
         Outcome of the run.
     failed_at_s : float or None
-        Time in s at which a free run, or the first prediction several steps ahead, diverged; None without divergence.
+        Time of the first sample at which the free run, or a prediction several steps ahead, diverged, s; None if none
+        diverged.
     units : tuple of str
         Unit of each output.
     """
@@ -88,7 +89,7 @@ class NarxResponse(Described):
 
     @property
     def rms_error(self) -> float:
-        """Root mean square of the residuals of the first output and all others in its unit, in this unit."""
+        """Root mean square of the residuals of all outputs that have the unit of the first output, in this unit."""
         alike = [row for row, unit in enumerate(self.units) if unit == self.units[0]]
         return float(np.sqrt(np.mean(self.residuals[alike] ** 2)))
 

@@ -30,10 +30,11 @@ class Ridge:
     """Estimator of given terms, for `Frols` and `Fixed`: minimises ``mean((y - Z theta)^2) + penalty |theta|^2``.
 
     y is the output, and the columns of Z are the regressors divided by their root mean squares. A constant regressor
-    is not penalised; the other regressors are then centred. ``theta_cov`` is the posterior covariance
-    ``s^2 (Z'Z + n penalty)^-1`` under the Bayesian interpretation of the penalty, which includes the bias on average.
-    n is the number of samples, and s^2 is the residual sum of squares divided by n
-    minus the effective number of parameters.
+    is not penalised; the other regressors are then centred.
+
+    For the covariance, the penalty is read as a Gaussian prior of theta. Let n be the number of samples, p the
+    effective number of parameters, and ``s^2`` the residual sum of squares divided by n - p. ``theta_cov`` is then the
+    posterior covariance ``s^2 (Z'Z + n penalty)^-1``. It includes the bias of theta, on average over the prior.
 
     Parameters
     ----------

@@ -208,7 +208,10 @@ class TermTable:
         return tuple(variable for variable in self.variables if variable.shape is not None)
 
     def in_units(self, scales: Mapping[str, Array]) -> TermTable:
-        """Return the table for signals in units of other sizes `scales`, by kind and row; only functions change."""
+        """Return the same terms for signals in other units.
+
+        The gain of each function is multiplied by ``scales[kind][row]``, the size of the new unit in old units.
+        """
         if not self.functions:
             return self
 
@@ -275,7 +278,10 @@ class TermTable:
         return self.over(self.of_signals(lagged), stop - start)
 
     def over(self, lagged: Sequence[Array], count: int) -> Array:
-        """Evaluate all terms at `count` values of each of ``variables``, `lagged`; returns (n_terms, count)."""
+        """Evaluate all terms. Returns an array of shape (n_terms, count).
+
+        `lagged` holds one array of `count` values for each variable, in the order of ``variables``.
+        """
         rows = np.empty((len(self.terms), count))
         for row, (parent, rest) in zip(rows, self._plan, strict=True):
             row[:] = 1.0 if parent is None else rows[parent]

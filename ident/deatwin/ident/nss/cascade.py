@@ -38,9 +38,10 @@ class Structure(StrEnum):
 class Cascade(StateSpaceIdentifier):
     """Identify a cascade of linear dynamics and static functions, with one input and one output, by its free-run error.
 
-    The linear dynamics start from the best linear approximation, to which they are proportional if the input is
-    Gaussian and the cascade has one linear block (Bussgang). For ``"LNL"`` all divisions of the poles and zeros of this
-    approximation between the two blocks are tried, and the best division is fitted.
+    The linear dynamics start from the best linear approximation. If the input is Gaussian and the cascade has one
+    linear block, the dynamics of this block are proportional to that approximation (Bussgang). For ``"LNL"`` the poles
+    and zeros of the approximation are divided between the two blocks in all possible ways, and the best division is
+    fitted.
 
     Parameters
     ----------
@@ -64,9 +65,9 @@ class Cascade(StateSpaceIdentifier):
     model_ : NonlinearStateSpace
         The identified model, whose directions are the signals between the blocks.
     status_ : FitStatus
-        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the
-        held-out error ended the search earlier, ``NOT_CONVERGED`` if the search reached `max_steps` or could not lower
-        the error further.
+        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``INTERRUPTED`` after
+        Ctrl-C. Otherwise ``HELD_OUT`` if the held-out error ended the first search, and ``NOT_CONVERGED`` if a search
+        reached `max_steps` or could not lower the error further.
     linear_error_, error_, held_out_error_ : ndarray, shape (1,)
         Errors, defined as in `Pnlss`.
     first_states_ : ndarray, shape (n_recordings, n_states)

@@ -37,9 +37,9 @@ class StateSpaceIdentifier(Identifier):
     model_ : NonlinearStateSpace
         The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
     status_ : FitStatus
-        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the
-        held-out error ended the search earlier, ``NOT_CONVERGED`` if the search reached its largest number of steps or
-        could not lower the error further.
+        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``INTERRUPTED`` after
+        Ctrl-C. Otherwise ``HELD_OUT`` if the held-out error ended the first search, and ``NOT_CONVERGED`` if a search
+        reached its largest number of steps or could not lower the error further.
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
         Root mean square of the free-run error, in the outputs' units: of the linear start and of the final model on all
         samples, and of the model at the end of the search on the held-out samples (NaN without held-out samples).

@@ -190,7 +190,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
 
     @property
     def poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues of the weights of the states alone, the poles for small signals about the origin if no term is linear."""
+        """Eigenvalues of the states' weights in W: the poles for small signals, if no term acts linearly."""
         return np.linalg.eigvals(self.system.linear_parts[0]).astype(np.complex128)
 
     def __str__(self) -> str:
@@ -226,8 +226,8 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         Returns
         -------
         NarxResponse
-            Response with ``.outputs`` of shape (n_outputs, n). If the run diverges, ``.status`` says so; one that
-            diverges at its first sample holds the outputs' origin.
+            Response with ``.outputs`` of shape (n_outputs, n). If the run diverges, ``.status`` says so, and the
+            outputs keep their last value; a run that diverges at its first sample keeps the outputs' origin.
 
         Raises
         ------
@@ -248,14 +248,15 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         return response_over(drive, values, drive.first, self.output_units, ResponseStatus.DIVERGED, when)
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict a `recording` by its free run, which is best at any horizon `steps` as noise is on the readings."""
+        """Return the free run over a `recording`; `steps` has no influence, as the noise is on the readings."""
         whole_number(steps, "steps", most=recording.n_samples - 1)
         return self.simulate(recording)
 
     def free_run_band(self, recording: Recording, *, warmup: int | None = None, level: float = 0.95) -> PredictiveBand:
         """Return the band that contains a new reading, from noise, uncertain weights and uncertain initial state.
 
-        Weights and first state enter to first order. The errors of the fit must be white, as noise on the readings is.
+        The uncertainty of weights and first state is propagated to first order. The band is valid if the errors of the
+        fit are white, as noise on the readings is.
 
         Parameters
         ----------

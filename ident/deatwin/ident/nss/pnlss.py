@@ -19,15 +19,18 @@ from deatwin.plant.recording import Recording
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Pnlss(StateSpaceIdentifier):
-    """Estimator of polynomial nonlinear state spaces, whose terms may be functions too, by the free-run error.
+    """Estimator of polynomial nonlinear state spaces by the free-run error; terms may be functions, too.
 
-    The search starts from a linear state space. Subspace identification gives this start from the best linear
-    approximation if the input is periodic, otherwise from the samples; the start is then refined by its free-run error.
-    Its states x1, x2, ... are transformed into the first output, the change of this output, and so on. Each state has
-    an rms value of about one and is uncorrelated with the earlier states, so that x1 is roughly the output and x2 its
-    rate. Then all weights are fitted by Levenberg's and Marquardt's method with exact sensitivities. At first the end
-    of each recording is held out, and the search ends when the free-run error on the held-out samples no longer falls.
-    Then all samples are fitted; if the held-out error had risen, this fit has the same number of steps.
+    The search starts from a linear state space. Subspace identification finds it from the best linear approximation if
+    the input is periodic, otherwise from the samples. Its weights are then refined by the free-run error. The states
+    x1, x2, ... are transformed into the first output, the change of this output, and so on. Each state has an rms value
+    of about one and is uncorrelated with the earlier states, so that x1 is roughly the output and x2 its rate.
+
+    Then all weights are fitted by Levenberg's and Marquardt's method with exact sensitivities. At first the end of each
+    recording is held out, and the search ends when the free-run error on the held-out samples no longer falls. A second
+    search fits all samples. If the held-out error had not stopped falling, the second search continues from the end of
+    the first. Otherwise it begins again at the linear start, and takes as many steps as the first search took to its
+    smallest held-out error; its result is discarded if its error over all samples is not smaller.
 
     Parameters
     ----------
@@ -40,11 +43,11 @@ class Pnlss(StateSpaceIdentifier):
     inputs_in_products : bool
         True if monomials may contain inputs too; False if they contain states only.
     terms, output_terms : sequence of str
-        Further terms of the equations of the state and of the output, as ``"|x2|"``, ``"tanh(s1,1) u"`` or one with a
-        function of `register_function`. Functions that are built in are those of NARX terms.
+        Further terms of the equations of the state and of the output, as ``"|x2|"``, ``"tanh(s1,1) u"`` or terms with a
+        function that `register_function` has added. The built-in functions are those of NARX terms.
     directions : int
-        Number of weighted sums s1, s2, ... of 1, states and inputs that terms may contain; the weights of these sums
-        are learned too.
+        Number of learned directions. A direction s1, s2, ... is a weighted sum of 1, the states and the inputs. Its
+        weights are estimated too. `terms` and `output_terms` must use each direction.
     starts : int
         Number of random starts of the directions; the start with the smallest held-out error is kept.
     feedthrough : bool
@@ -62,9 +65,9 @@ class Pnlss(StateSpaceIdentifier):
     model_ : NonlinearStateSpace
         The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
     status_ : FitStatus
-        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the
-        held-out error ended the search earlier, ``NOT_CONVERGED`` if the search reached `max_steps` or could not lower
-        the error further.
+        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``INTERRUPTED`` after
+        Ctrl-C. Otherwise ``HELD_OUT`` if the held-out error ended the first search, and ``NOT_CONVERGED`` if a search
+        reached `max_steps` or could not lower the error further.
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
         Root mean square of the free-run error, in the outputs' units: of the linear start and of the final model on all
         samples, and of the model at the end of the search on the held-out samples (NaN without held-out samples).

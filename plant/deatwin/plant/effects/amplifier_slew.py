@@ -24,11 +24,11 @@ class AmplifierSlew(Effect):
     The state V (V) is the amplifier's voltage, with the rate :math:`\dot V` (V/s), and :math:`V_a` is the commanded
     voltage. Far from :math:`V_a` the rate is 1/s upwards and -r/s downwards. Near :math:`V_a` the amplifier is a
     first-order lag with the time constant sw. The width w keeps this time constant near :math:`T_0` = 2 ms:
-    :math:`w^{-2} = (s/T_0)^2 + w_0^{-2}`, where :math:`w_0 = 400(1 + 1/r)` V matters only for limits far above the
-    typical ones, whose action is shorter than a sample. Typical: 1 to 50 kV/s; r < 1 if the source cannot sink current,
-    so that its voltage falls slowly. Signature: only fast (or only falling) changes are late, and more so at larger
-    amplitude and frequency; `electrode_rc` delays small signals as much as large ones. Upwards means towards positive
-    voltage, so with r other than 1 the response is not even in the voltage. The effect is off at s = 0, where
+    :math:`w^{-2} = (s/T_0)^2 + w_0^{-2}`, where :math:`w_0 = 400(1 + 1/r)` V matters only if the limit is so far above
+    the typical ones that the effect is shorter than a sample. Typical: 1 to 50 kV/s; r < 1 if the source cannot sink
+    current, so that its voltage falls slowly. Signature: only fast (or only falling) changes are late, and more so at
+    larger amplitude and frequency; `electrode_rc` delays small signals as much as large ones. Upwards means towards
+    positive voltage, so with r other than 1 the response is not even in the voltage. The effect is off at s = 0, where
     :math:`V = V_a`. To first order in s, the effect is only the lag :math:`sw_0`: a limit that is never reached has no
     other effect.
 

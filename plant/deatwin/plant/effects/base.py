@@ -153,12 +153,12 @@ class Effect(ABC):
         return ()
 
     def cycle(self, measured: Collection[str]) -> float:
-        """Return the period, s, of the cycle that the effect follows; 0 if none, or if `measured` names its channel."""
+        """Return the period of the effect's cycle, s; 0 if it has none, or a channel in `measured` shows the cycle."""
         return 0.0
 
     @property
     def cause(self) -> str:
-        """Name of the effect at any place; at the first place, `name` is the same."""
+        """Name of the effect without its place: the `name` that it has at its first place."""
         return self.name.removesuffix(f"_at_{self.placed_at}") if self.placed_at else self.name
 
     def placed(self, at: str) -> Effect:

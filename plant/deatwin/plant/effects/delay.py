@@ -45,10 +45,9 @@ class Delay(Effect):
     gain. The effect is off at :math:`\tau_d = 0`.
 
     `placed` moves the delay to the ``reading``, for example of a camera. The whole reading is then delayed, except for
-    its noise.
-    Within a sample, the delayed reading is computed from the polynomial through the values of the reading y at the n
-    stages of the integrator. The coefficients of this polynomial follow from the moments :math:`m_j` of the reading
-    over the sample (i and j run from 0 to n - 1):
+    its noise. Within a sample, the delayed reading is computed from the polynomial through the values of the reading y
+    at the n stages of the integrator. The coefficients of this polynomial follow from the moments :math:`m_j` of the
+    reading over the sample (i and j run from 0 to n - 1):
 
     .. math:: y(t_{k+1} - \sigma h) = \sum_{i,j} \sigma^i (H^{-1})_{ij} m_j, \qquad
               m_j = \frac1h \int_{t_k}^{t_{k+1}} \Big(\frac{t_{k+1}-t}{h}\Big)^j y\,dt, \qquad

@@ -21,11 +21,11 @@ class DryFriction(CoulombFriction):
     .. math:: F = -F_c\,\zeta\,(1 + a\,\zeta)\,\bigl(1 + s\,e^{-(v/v_S)^2}\bigr)
 
     v is the velocity. :math:`\zeta` is 1 in forward and -1 in backward sliding; a sticking part creeps at
-    :math:`v = v_s\zeta` with :math:`\zeta` between them (`CoulombFriction` gives the equation). On rigs that are not
-    film actuators, this class replaces `CoulombFriction` under the same name. s > 0 is stiction with the Stribeck
-    curve: the moving part breaks loose at :math:`(1 + s)F_c`, and far above the speed :math:`v_S` the friction is
-    :math:`F_c`. a > 0 gives more friction forwards, as in a drive that lifts or a seal with one lip. Typical: s from 0
-    to 1; :math:`v_S` from 2 to 40 % of the usual speed, because a smaller :math:`v_S` is hidden by the slip of a
+    :math:`v = v_s\zeta` with :math:`\zeta` between these values (`CoulombFriction` gives the equation). On rigs that
+    are not film actuators, this class replaces `CoulombFriction` under the same name. s > 0 is stiction with the
+    Stribeck curve: the moving part breaks loose at :math:`(1 + s)F_c`, and far above the speed :math:`v_S` the friction
+    is :math:`F_c`. a > 0 gives more friction forwards, as in a drive that lifts or a seal with one lip. Typical: s from
+    0 to 1; :math:`v_S` from 2 to 40 % of the usual speed, because a smaller :math:`v_S` is hidden by the slip of a
     sticking part, and a larger one looks like viscous damping; a from -0.3 to 0.3. Signature of s: in small motion the
     part sticks, breaks loose with a jump and may oscillate (stick-slip). Signature of a: a shift of the force by
     :math:`aF_c` while the part moves, whereas the shift by an `amplifier_offset` is also present at rest. The effect is

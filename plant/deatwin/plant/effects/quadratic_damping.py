@@ -24,7 +24,8 @@ class QuadraticDamping(Effect):
     continuous. Typical: 0.004 N s²/m² for a disc of 80 mm in air, which is invisible; 0.1 to 10 if air is pressed
     through the gap below the film or the ball moves in a liquid. Signature: visible only when the ball is fast, after
     steps and near its resonance; each half-swing loses a share of its amplitude proportional to the amplitude, so large
-    swings decay faster than small ones, which they do not with the rig's linear `damping`. The effect is off at c = 0.
+    swings decay faster than small ones. With the rig's linear `damping`, all swings lose the same share. The effect is
+    off at c = 0.
 
     Parameters
     ----------

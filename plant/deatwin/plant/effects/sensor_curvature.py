@@ -21,7 +21,7 @@ class SensorCurvature(Effect):
     The effect has no state. The reading y is relative to rest, where the gain is correct. Typical: a light spot that
     wanders on a ball of 4.5 mm, or a laser at the end of its range, gives 10 to 100 1/m, that is 1 to 10 % at 1 mm.
     Signature: static, the same at all frequencies, and as large for motion that no voltage causes (ringing after a tap,
-    an added mass), which `permittivity_stretch` does not change. The effect is off at :math:`\kappa = 0`.
+    an added mass). A `permittivity_stretch` does not change such motion. The effect is off at :math:`\kappa = 0`.
 
     Parameters
     ----------

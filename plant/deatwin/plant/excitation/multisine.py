@@ -138,9 +138,9 @@ def random_phase_multisine(
     Raises
     ------
     DataError
-        If the harmonics are not distinct whole numbers from 1 to below half the sample rate, the amplitudes differ in
-        number from the harmonics or are negative or all zero, `periods` is less than 1, or no phases satisfy the
-        limits; in the last case the text states the rms for which phases would.
+        If the harmonics are not distinct whole numbers from 1 to below half the sample rate; if the amplitudes differ
+        in number from the harmonics, or are negative or all zero; if `periods` is less than 1; or if no phases satisfy
+        the limits. In the last case the text states an rms at which phases would.
 
     References
     ----------

@@ -36,9 +36,6 @@ def with_alternating_polarity(commands: ArrayLike, sample_time: float, segment: 
     --------
     >>> with_alternating_polarity([1.0, 2.0, 3.0], sample_time=1.0, segment=1.0)
     array([ 1., -2.,  3.])
-
-    Examples
-    --------
     >>> with_alternating_polarity([1.0, 2.0, 3.0, 4.0], sample_time=1.0, segment=2.0)
     array([ 1.,  2., -3., -4.])
     """

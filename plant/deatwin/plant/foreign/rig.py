@@ -36,10 +36,10 @@ class ForeignRig(Rig):
     be deterministic: the same arguments give the same readings. The times are uniform, from the first sample of an
     experiment to the last; the model itself sets its initial state.
 
-    Effects act on the command before the callable gets it (as the mean over each sample), on the readings that it
-    returns, and on the parameters in `varying`. Derivatives are central differences, which worker processes compute
-    side by side if the callable can be pickled. An error or a crash of the callable ends only the simulation in which
-    it occurs.
+    Effects act on the command, on the readings, and on the parameters in `varying`. Effects act on the command first;
+    the callable then gets the mean of the changed command over each sample. Derivatives are central differences, which
+    worker processes compute side by side if the callable can be pickled. An error or a crash of the callable ends only
+    the simulation in which it occurs.
 
     Parameters
     ----------
@@ -60,9 +60,9 @@ class ForeignRig(Rig):
     varying : tuple of str
         Parameters that may drift: with a `ParameterDrift` the model gets an array of shape (n,) in place of the number.
     step : float
-        Step of the central differences as a share of a parameter's value, or of a tenth of its range if that is larger
-        and the scale of the parameter is linear. The cube of the step should not be below the relative numerical error
-        of the readings, including the error of an adaptive solver.
+        Step of the central differences, as a share of a parameter's value. For a parameter with a linear scale, it is a
+        share of a tenth of the range if that is larger. Give a step whose cube is at least the relative numerical error
+        of the readings, to which an adaptive solver contributes.
     longest : float
         Time after which a run of the model in a worker process is ended, as if it had crashed, s; infinite by default.
     sample_time, noise, reading, model_error, command_range, chain, supply
@@ -124,6 +124,7 @@ class ForeignRig(Rig):
 
     @property
     def start(self) -> StartProcedure:
+        """Start of an experiment: from `rest_command`. The callable sets the initial state of the model itself."""
         return StartProcedure(rest_command=self.rest_command)
 
     def effects(self) -> tuple[Effect, ...]:
@@ -158,7 +159,7 @@ class ForeignRig(Rig):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data. It holds only the name of a function, whose module must be imported before reading."""
+        """Return plain data. A function is stored by its name: import its module before you call `from_dict`."""
         plain = {
             f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "parameters", "further")
         }
@@ -191,7 +192,7 @@ class ForeignRig(Rig):
         Raises
         ------
         RigError
-            If the module of such a model has not been imported.
+            If the module that defines the model has not been imported.
         """
         if isinstance(data, Mapping):
             tuples = {"inputs": tuple(data["inputs"]), "units": tuple((str(n), str(u)) for n, u in data["units"])}
@@ -209,6 +210,18 @@ class ForeignRig(Rig):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Return the rig that `to_dict` described.
+
+        Parameters
+        ----------
+        data : mapping
+            Plain data that `to_dict` returned.
+
+        Raises
+        ------
+        RigError
+            If the module that defines the model has not been imported.
+        """
         own = {**data}
         limits, chain = own.pop("command_range"), own.pop("chain", None)
         parameters = tuple(Parameter(**{**p, "scale": Scale(p["scale"])}) for p in own.pop("own"))

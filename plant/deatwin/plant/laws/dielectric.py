@@ -91,8 +91,9 @@ def maxwell_strain(
 
     In its plane, an incompressible film stretches by half the magnitude of this strain. With a Poisson's ratio
     :math:`\nu` of 0, the equation is eq. 2.2 of the thesis of W. R. Jacobs, which takes only the attraction of the
-    electrodes into account. Of a neo-Hookean film, the equation is right to 0.4 % of the strain at 10 % and to 7 % at
-    pull-in (37 %). With the nominal field, voltage by undeformed thickness, it is 19 % too small at 10 %.
+    electrodes into account. For a neo-Hookean film, the relative error of the equation is 0.4 % at 10 % strain, and 7 %
+    at pull-in, which is at 37 % strain. With the nominal field (voltage divided by undeformed thickness), the result is
+    19 % too small at 10 % strain.
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ class Rig(ABC):
 
     @property
     def body(self) -> str:
-        """Return the name of the moving part in sentences; the diaphragm alone has a ball."""
+        """Return the name of the moving part for sentences, from `sizes`; ``moving part`` by default."""
         named = (self.sizes or Sizes()).body
         return "moving part" if named == Sizes().body else named
 
@@ -156,8 +156,9 @@ class Rig(ABC):
     def start(self) -> StartProcedure:
         """Return how an experiment starts: by default with its first command, from rest at 0.
 
-        If a recording begins at an unknown state, let each state start from a parameter,
-        ``build.state(..., start=build.parameter("level_at_start"))``, which a calibration finds like any other.
+        If recordings begin at an unknown state, `write` may give each state a parameter as its start,
+        ``build.state(..., start=build.parameter("level_at_start"))``. A calibration finds this parameter like any
+        other.
         """
         return StartProcedure()
 
@@ -172,7 +173,8 @@ class Rig(ABC):
         Returns
         -------
         tuple of Parameter
-            None by default, because the start procedure determines the start.
+            One parameter for each memory, which is a branch of the film or an effect with a slow state; empty if the
+            start is known, as it is by default.
         """
         return ()
 
@@ -271,7 +273,7 @@ class Rig(ABC):
 
     @property
     def share_of_motion(self) -> float:
-        """Rms error of the rig's equations that every reading has at least, as a share of the reading's variation."""
+        """Least rms error of the rig's equations in any reading, as a share of the reading's standard deviation."""
         return max(self.model_share, SOLVED)
 
     def rivals(self) -> tuple[Rig, ...]:

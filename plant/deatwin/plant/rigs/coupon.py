@@ -92,6 +92,7 @@ class Coupon(Rig):
 
     @property
     def start(self) -> StartProcedure:
+        """Start of an experiment: from rest at stretch 1, with the first command."""
         return StartProcedure(rest_command=1.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Symbol:

@@ -71,8 +71,8 @@ class Diaphragm(Rig):
         True if the experimenter stated the contact; otherwise the other contact is a rig variant that a diagnosis also
         tries.
     prestretch_is_known : bool
-        True if the experimenter is sure of the prestretch; otherwise 3.5 or 4.5, whichever is farther from
-        `prestretch`, is an alternative.
+        True if the experimenter is sure of the prestretch; otherwise a diagnosis also tries 3.5 or 4.5, whichever is
+        farther from `prestretch`.
     resolution : {"reduced", "fine"}
         Discretisation: ``"reduced"`` uses a few coordinates, ``"fine"`` axisymmetric elements whose Maxwell branches
         relax independently at each point. A film that relaxes needs ``"fine"`` below a prestretch of 1.5.
@@ -123,6 +123,7 @@ class Diaphragm(Rig):
 
     @property
     def body(self) -> str:
+        """Name of the moving part for sentences: ``ball``."""
         return "ball"
 
     @property
@@ -147,6 +148,7 @@ class Diaphragm(Rig):
 
     @property
     def start(self) -> StartProcedure:
+        """Start from rest at 0 V, with ramp and hold; with an unknown start, the first command is held for a second."""
         known = StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
         return known if self.start_is_known else SETTLING
 
@@ -194,7 +196,8 @@ class Diaphragm(Rig):
     def sag(self, radius: float, build: Builder) -> Symbol:
         r"""Return the sag of a uniformly stretched film, :math:`z = mg\ln(B/r)/(2\pi N)`, a start value for rest.
 
-        The load itself stretches a film that was hardly stretched before.
+        A film with hardly any prestretch is stretched by the load itself; its tension N is then computed at a small
+        stretch.
 
         Parameters
         ----------

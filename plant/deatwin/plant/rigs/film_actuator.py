@@ -85,6 +85,7 @@ class FilmActuator(Rig):
 
     @property
     def start(self) -> StartProcedure:
+        """Start from rest at 0 V, with ramp and hold; with an unknown start, the first command is held for a second."""
         known = StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
         return known if self.start_is_known else SETTLING
 

@@ -60,8 +60,8 @@ class Planar(FilmActuator):
         damping in N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's
         history before the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and
         `direction` is -1 if the reading falls as the displacement grows. If both directions move, `mass` and `damping`
-        act on the motion along direction 1. Equal sides are linked, so that the forces along both
-        directions move the mass: together, twice the difference between the two sides of the equation above.
+        act on the motion along direction 1. Equal sides are linked, so that the forces along both directions move the
+        mass: together, twice the right side minus the left side of the equation above.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 
@@ -190,6 +190,7 @@ class BlockedPlanar(Rig):
 
     @property
     def start(self) -> StartProcedure:
+        """Start of an experiment: from rest at command 0, with the first command."""
         return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Symbol:

@@ -147,7 +147,7 @@ def _advised(again: Mapping[str, Any]) -> str:
     if not again:
         return ""
     causes = " + ".join(cause["effect"] for cause in again.get("causes", ()))
-    return again.get("failure") or f"{again['verdict']}: {causes}"
+    return again.get("failure") or ": ".join(filter(None, (again["verdict"], causes)))
 
 
 def _family(effect: str) -> str:

@@ -80,7 +80,10 @@ def _near(tracking: Tracking) -> Measure:
 def _scheduled(fleet: Sequence[FleetRun]) -> Measure:
     unstable = [run.actuator.name for run in fleet if not run.stable]
     ripple = max((run.steps.ripple for run in fleet), default=0.0)
-    calm = f"; in the last third of each level, the output moves by at most {100 * ripple:.2g} % of a step (rms)"
+    calm = (
+        "; in the last third of each constant reference, the rms motion of the output is at most "
+        f"{100 * ripple:.2g} % of the step"
+    )
     return WORDS.measure(
         "scheduled",
         bool(fleet) and not unstable,

@@ -144,9 +144,9 @@ def design_excitation(
     Raises
     ------
     ModelError
-        If the band is not two frequencies low <= high below half the sampling rate or contains no line of the period,
-        the period has fewer than two or more than 10 million samples, the amplitude is not positive, or both or neither
-        of amplitude and operating range are given.
+        If the band is not two frequencies low <= high below half the sampling rate; if it contains no line of the
+        period; if the period has fewer than two or more than 10 million samples; if the amplitude is not positive; or
+        if not exactly one of amplitude and operating range is given.
 
     References
     ----------

@@ -104,7 +104,7 @@ class InputSpectrum(Described, Frozen):
         return self.largest_amplification <= AMPLIFICATION
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot on `ax` or new axes the magnitude over frequency, and its value if all contributions were in phase."""
+        """Plot the magnitude over frequency, and that with all contributions in phase, on `ax` or new axes."""
         axes = axes_or_new(ax)
         inside = self.in_range
         frequencies = self.frequency_Hz[inside]

@@ -86,8 +86,8 @@ class Nofrf(Described, Frozen):
     condition : float
         Condition number of the fit with columns scaled to unit length.
     residual : ndarray, shape (n_levels, N)
-        Root sum of squares of the part of the output's spectrum at each level that the first n orders leave
-        unexplained, relative to the spectrum.
+        Part of the output's spectrum at each level that the first 1, 2, ..., N orders leave unexplained: root sum of
+        squares, relative to that of the spectrum.
     left_out : ndarray, shape (n,)
         Prediction error at left-out levels, as a share of the spectra, for fits of 1, 2, ... orders; infinite if there
         are too few levels for leaving one level out.

@@ -169,8 +169,8 @@ class Propagated(Uncertain):
         """Return a pointwise band of the gain, in ``unit``, of probability `level`, by default ``self.level``.
 
         If the linear law of the gain fails, the band is the range of the gain over the ellipse of this probability,
-        which contains the true gain whenever the ellipse contains the true response. (Quantiles of the gain of draws do
-        not: draws about a value near zero have a larger gain than that value.)
+        which contains the true gain whenever the ellipse contains the true response. (Quantiles of the gain of draws
+        may miss the true gain: draws about a value near zero have a larger gain than that value.)
         """
         level = self.level if level is None else level
         holds = self.gain_nonlinearity <= LIMIT

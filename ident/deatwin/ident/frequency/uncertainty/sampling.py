@@ -119,8 +119,8 @@ class Sampled(Uncertain):
     def gain_band(self, level: float | None = None) -> Band:
         """Return central quantiles of the gain of the draws, of probability `level`, by default ``self.level``.
 
-        Near zero gain they are not a confidence band of the true gain: draws about a value near zero have a larger gain
-        than that value. `Propagated.gain_band` uses the range of the ellipse there.
+        Near zero gain, these quantiles are not a confidence band of the true gain: draws about a value near zero have a
+        larger gain than that value. `Propagated.gain_band` uses the range over the ellipse there.
         """
         return self._band(np.abs(self.draws), level)
 

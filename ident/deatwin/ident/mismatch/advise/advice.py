@@ -65,10 +65,10 @@ class Advice(Described):
         Entries of `alternatives` that the experiment would not distinguish from another entry (squared distance d²
         below 16).
     tried : mapping of str to float
-        First-order d² that each waveform would reach, all at the length used for screening.
+        First-order d² that each waveform would reach; for this comparison, all waveforms have the same length.
     predicted : tuple of ndarray, each of shape (n,)
-        Readings that each explanation in `alternatives` predicts for the input after a refit that makes it imitate the
-        first explanation; SI.
+        Readings that each explanation in `alternatives` predicts for the input, SI. Each explanation is first refitted
+        so that it imitates the first one.
     log_odds : float
         Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after an
         experiment with the best waveform but without a further reading.

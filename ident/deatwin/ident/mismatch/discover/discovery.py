@@ -171,7 +171,7 @@ class Discovery(Described):
 
     @property
     def summary(self) -> FreeFormSummary:
-        """Summarise the free form for a diagnosis: errors in its unit of amplitudes, terms in SI."""
+        """Summarise the free form for a diagnosis: errors in the unit of the diagnosis, terms in SI."""
         size = amplitude_unit(self.model.rig.output_unit)[1]
         return FreeFormSummary(
             place=self.free_form.enters.value,

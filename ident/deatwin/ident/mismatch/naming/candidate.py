@@ -46,7 +46,8 @@ class Candidate:
     level : ndarray, shape (m + n,)
         Relative noise level by which the residuals were divided; empty if the level is constant.
     readings : tuple of str
-        Name of the reading in each experiment of `sizes`, empty for the first one; empty if there is only one reading.
+        Name of the reading to which each entry of `sizes` belongs; the name of the first reading is empty text. The
+        tuple is empty if there is only one reading.
     log_share : float
         Logarithm of the prior share of the places at which the effects act.
     log_size : float

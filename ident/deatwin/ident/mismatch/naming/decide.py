@@ -46,8 +46,8 @@ class Naming(Described):
     alternatives : tuple of Candidate
         Alternative explanations that these recordings cannot rule out.
     probabilities : mapping of tuple of str to float
-        Probability of each candidate with as many effects as the best one, by evidence. An alternative that cannot be
-        compared by evidence has the probability of the best candidate.
+        Probability, by evidence, of each candidate that has as many effects as the best one. An alternative that
+        evidence cannot compare with the best candidate gets the probability of the best candidate.
     noise : float
         Standard deviation of the sensor noise that the best explanation leaves, SI.
     distances : tuple of Distance

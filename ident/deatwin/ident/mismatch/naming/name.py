@@ -35,18 +35,21 @@ def name_causes(
 ) -> Naming:
     """Search for the smallest set of effects that explains the recordings.
 
-    First, each promising effect is added alone to the base plant, then to the other interpretations of the base plant,
-    because another interpretation of the rig file is a smaller change of the model than a further effect. If one effect
-    is adequate, or no effect removes most of the mismatch, only interpretations that fit clearly better without effects
-    are tried, so that no effect hides a wrong interpretation.
+    1. Each promising effect is added alone to the base plant. Single effects are then added to the other
+       interpretations of the base plant, because another interpretation of the rig file is a smaller change of the
+       model than a further effect. If one effect is adequate, or if no effect removes most of the mismatch, only those
+       interpretations are tried that fit clearly better without effects, so that no effect hides a wrong
+       interpretation.
+    2. If no single effect is adequate, further effects are added to the best effect, up to three in all, and the most
+       promising pairs are tried. If no effect improves the best one, further effects are added to the next best.
+    3. If one effect is adequate, a second effect is added only if it explains a part of the mismatch that the first
+       does not explain.
+    4. If the search in another interpretation of the rig file fails, it is repeated in the nominal interpretation.
+    5. An effect of a set is removed if another interpretation makes it unnecessary. If nothing explains the mismatch,
+       the best pair is tried in the other interpretations, too.
 
-    If no single effect is adequate, further effects are added to the best effect (or to the next best, if no effect
-    improves the best), and the most promising pairs are tried, up to three effects. If one effect is adequate, a second
-    effect is added only if it explains a part of the mismatch that the first does not explain. After each step, each
-    earlier effect is replaced in turn by other effects, because the best single effect may merely imitate two others.
-    If the search in another interpretation of the rig file fails, the search is repeated in the nominal interpretation.
-    Finally, an effect of a set is removed if another interpretation makes it unnecessary; if nothing explains the
-    mismatch, the best pair is tried in the other interpretations, too.
+    After each addition, each earlier effect is replaced in turn by other effects, because the best single effect may
+    merely imitate two others.
 
     Parameters
     ----------

@@ -54,9 +54,9 @@ class LinearisedResponse:
         Effect with its shape, at its typical strength, or at a weaker strength if the plant cannot be simulated at the
         typical strength.
     change : ndarray, shape (m,)
-        Change of the fitted readings per unit of strength, SI. If the typical strength changes the readings by more
-        than the mismatch, the change is computed at the strength that changes them by as much as the mismatch, because
-        the responses of stops and lags are not proportional to their strength.
+        Change of the fitted readings per unit of strength, SI. The responses of stops and lags are not proportional to
+        their strength. If the typical strength changes the readings by more than the mismatch, a weaker strength is
+        therefore used, which changes them by as much as the mismatch.
     """
 
     effect: Effect

@@ -57,8 +57,9 @@ def plan_experiment(
     """Compute which effects an input would reveal, at which strength, and which it could not distinguish.
 
     The computation is to first order about the nominal plant. It includes the refit of the plant's parameters and the
-    plant's model error. An effect counts as found if its expected evidence makes it 95 % probable, and if the part of
-    its response that the parameters cannot absorb is large enough for `diagnose` to count it as missing physics.
+    plant's model error. An effect counts as found under two conditions: its expected evidence makes it 95 % probable,
+    and the part of its response that the parameters cannot absorb is large enough for `diagnose` to count it as missing
+    physics.
 
     Parameters
     ----------
@@ -86,9 +87,9 @@ def plan_experiment(
     Raises
     ------
     DataError
-        If the commands are no Recording, no input is given and the rig states no range of its command, both an input
-        and a length are given, the length is not 100 to 100,000 samples, the rig accepts none of the effects, or the
-        effects cannot be judged because neither the noise nor the motion is known.
+        If the commands are no Recording; if no input is given and the rig states no range of its command; if both an
+        input and a length are given; if the length is not 100 to 100,000 samples; if the rig accepts none of the
+        effects; or if the effects cannot be judged because neither the noise nor the motion is known.
     ModelError
         If there is no plant, or the seed or the number of processes is unusable.
     RigError

@@ -113,7 +113,8 @@ class ExperimentPlan:
     waveform : str
         Description of the input if it is advised; empty if it was given.
     effects : tuple of Foreseen
-        Effects that the rig accepts; the one that is detected at the smallest strength comes first.
+        Effects that the rig accepts. The effect whose smallest visible strength is the smallest share of its typical
+        strength comes first.
     impossible : tuple of str
         Effects with which the plant could not be simulated.
     tried : mapping of str to float

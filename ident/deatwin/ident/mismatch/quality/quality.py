@@ -177,7 +177,7 @@ class DataQuality(Described):
 
     @property
     def soundness(self) -> Soundness:
-        """Return whether the recordings are faulty: by a stuck sensor or a burst, but not by a single outlier."""
+        """Return ``FAULTY`` if more than ten samples, and more than 0.1 % of all samples, are stuck or outliers."""
         masks = [mask for masks in self.sound for mask in masks]
         bad, total = sum(int((~m).sum()) for m in masks), sum(m.size for m in masks)
         return Soundness.FAULTY if bad > max(FEWEST_FAULTY, FAULTY_SHARE * total) else Soundness.SOUND

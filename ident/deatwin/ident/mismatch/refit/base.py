@@ -53,7 +53,7 @@ sheets."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Base(Described):
-    """Calibrated base plant, and the other interpretations of the rig file that fit no better.
+    """Calibrated base plant, in the chosen interpretation of the rig file and in the other interpretations.
 
     Parameters
     ----------

@@ -122,11 +122,13 @@ class SamplingChoice(Described):
 def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> SamplingChoice:
     """Choose a decimation factor from the linear and nonlinear autocorrelation of the output.
 
-    After decimation, the earlier of the first minima of the two functions lies at a lag of 15 samples, or as near to 15
-    as possible within 10 to 20, but a period of the highest frequency in the output still has at least 10 samples. A
-    minimum counts if the function rises significantly after the minimum. If neither function has such a minimum, as
-    with a first-order plant or a record of few time constants, the lag at which the linear autocorrelation enters its
-    95 % band about zero is used instead.
+    The first minimum of each function is found, and the earlier of the two should lie at a lag of 10 to 20 samples. If
+    it lies later, the factor brings it as near to 15 samples as a whole factor can. The factor is smaller if a period
+    of the highest frequency in the output would otherwise keep fewer than 10 samples.
+
+    A minimum counts if the function rises significantly after it. If neither function has such a minimum, as with a
+    first-order plant or a short record, the lag at which the linear autocorrelation enters its 95 % band about zero
+    takes the place of the minimum.
 
     Parameters
     ----------
