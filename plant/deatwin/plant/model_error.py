@@ -74,8 +74,7 @@ class Discrepancy:
         return self.rms / self.motion if self.motion > 0 else 0.0
 
     def at(self, commands: np.ndarray) -> np.ndarray:
-        """Return rms errors (m,), SI, at `commands` (m,): linear between the intervals' centres, constant beyond
-        them."""
+        """Return rms errors (m,), SI, at `commands` (m,): linear between intervals' centres, constant beyond them."""
         seen = np.isfinite(self.deviation)
         return np.interp(commands, self.commands[seen], self.deviation[seen])
 

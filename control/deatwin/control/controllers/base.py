@@ -108,8 +108,7 @@ class Controller(ABC):
 
     @abstractmethod
     def scaled(self, factor: float) -> Self:
-        """Return the controller with its loop gain multiplied by `factor`; ControlError if the factor is 0 or not
-        finite."""
+        """Return the controller with its loop gain multiplied by `factor`; ControlError if that is 0 or not finite."""
 
     @abstractmethod
     def details(self) -> dict[str, Any]:

@@ -56,8 +56,7 @@ class InverseFilter:
         return np.asarray(states[:, :, 0] @ self.c + self.d, dtype=np.complex128)
 
     def before(self, law: Law) -> Law:
-        """Return `law` with the filtered reference added to its command; the filter's states follow those of the
-        law."""
+        """Return `law` with the filtered reference added to its command, and the filter's states after its own."""
         n, m = law.c.size, self.c.size
         b = np.vstack([law.b, np.stack([self.b, np.zeros(m)], axis=1)])
         a = np.block([[law.a, np.zeros((n, m))], [np.zeros((m, n)), self.a]])

@@ -177,8 +177,7 @@ class FamilyBands(Described):
         return axes
 
     def plot_poles(self, ax: Axes | None = None) -> Axes:
-        """Plot the poles in the z plane, coloured by input or time, with the samples as a cloud, on `ax` or new
-        axes."""
+        """Plot the poles in the z plane on `ax` or new axes, coloured by input or time, with a cloud of samples."""
         from matplotlib.patches import Circle
 
         axes, (along, label) = axes_or_new(ax), self._along
