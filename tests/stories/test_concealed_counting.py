@@ -111,16 +111,6 @@ MADE: list[tuple[dict[str, Any], dict[str, Any]]] = [
     (spec("t3", "tie", "glass_lag", rich=False), done("named", "sensor_lag", ratio=0.8)),
     (spec("t4", "tie", "glass_lag", ratio=0.4, rich=False), tied(ratio=0.4, mass=5.0, advised="named")),
 ]
-INTERVALS = [
-    (
-        {"name": f"interval-{k}", "kind": "interval"},
-        {
-            "status": "done",
-            "parameters": [{"name": "creep.time", "true": 1.0, "low": 0.9, "high": 1.1 - 0.2 * (k == 0)}],
-        },
-    )
-    for k in range(4)
-]
 
 
 def sealed(key: Mapping[str, Any]) -> SweepSeal:
@@ -134,9 +124,9 @@ def results_page(study: Opened, goals: list[Goal], seal: SweepSeal) -> str:
 @pytest.fixture
 def made(tmp_path: Path) -> tuple[CaseStore, dict[str, Any]]:
     """A folder with hand-made results."""
-    key = {"names": {"key": NAMES, "random": ["aether_wind"]}, "cases": [s for s, _ in (*MADE, *INTERVALS)]}
+    key = {"names": {"key": NAMES, "random": ["aether_wind"]}, "cases": [s for s, _ in MADE]}
     store = CaseStore(tmp_path, sealed(key))
-    for each, result in (*MADE, *INTERVALS):
+    for each, result in MADE:
         store.put(each["name"], result)
     return store, key
 
@@ -176,7 +166,6 @@ def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
     assert counted("(ties), mismatch", "true effect is among") == (3, 3)
     # named: e1 e2 e3, p1 p2, all with 2 µm against 3 and 5 µm
     assert counted("smaller held-out error than the models of pysindy") == (5, 5)
-    assert counted("deatwin's own equations") == (3, 4)
     mean_size = goal(goals, "mean number")
     assert (mean_size.value, mean_size.count) == (pytest.approx((1 + 1 + 1 + 2) / 4), 4)
     # first cause right 2 of 6; of the strongest terms x may be creep (e1) and s friction (e3)
@@ -261,7 +250,7 @@ def test_the_story_is_told_of_hand_made_cases(
     monkeypatch.setattr(concealed_physics, "key_of", lambda _: made[1])
     result = concealed_physics.run(replace(setting, size="tiny"))
     story_page(tmp_path, ("summary", "confusion_effect"))
-    assert (result["cases"], result["interval_parameters"], result["failures"]) == (23, 4, {"e7": "ValueError: no"})
+    assert (result["cases"], result["failures"]) == (23, {"e7": "ValueError: no"})
     assert made[0].seal.hash in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert json.loads((tmp_path / "key.json").read_text(encoding="utf-8")) == made[1]
     written = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["outputs"]
@@ -269,7 +258,7 @@ def test_the_story_is_told_of_hand_made_cases(
 
 
 def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_path: Path) -> None:
-    specs = running.labels("tiny", 2)
+    specs = running.case_specs("tiny", 2)
     store = CaseStore(tmp_path, running.seal_of("tiny", 2, running.key_of(specs)))
     clean = [each.name for each in specs if each.kind == "clean"][:2]
     store.put(clean[0], done("none", ratio=0.0, check=CLEAN))

@@ -33,12 +33,11 @@ def test_an_interrupted_study_keeps_what_is_done_and_repeats_nothing(
         return {"status": "done", "odd": float("nan")}
 
     monkeypatch.setattr(running, "examine", fake)
-    monkeypatch.setattr(running, "cover", fake)
     with pytest.raises(KeyboardInterrupt):
         running.carry_out(tmp_path, "tiny", 2, 1, lambda *_: None)
     assert len(list((tmp_path / "cases").glob("*.nc"))) == 5
     store = running.carry_out(tmp_path, "tiny", 2, 1, lambda share, text: told.append((share, text)))
-    names = [each.name for each in running.labels("tiny", 2)]
+    names = [each.name for each in running.case_specs("tiny", 2)]
     assert sorted(c for c in calls if c != "interrupt") == sorted(names)
     assert store.missing(names) == []
     pair = store.get(next(name for name in names if name.startswith("pair")))
@@ -46,21 +45,21 @@ def test_an_interrupted_study_keeps_what_is_done_and_repeats_nothing(
     assert store.get(next(name for name in names if name.startswith("clean")))["odd"] is None
     shares = [share for share, _ in told[1:]]
     assert shares == sorted(shares) and shares[0] > 0.1 and shares[-1] == pytest.approx(1.0)
-    assert told[-1][1] == "case 15 of 15" and "left" in told[-2][1]
+    assert told[-1][1] == "case 12 of 12" and "left" in told[-2][1]
 
 
 def test_an_interrupt_that_became_an_error_is_no_result(
     mistaken: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(running, "examine", mistaken)
-    clean = next(each for each in running.labels("tiny", 2) if each.kind == "clean")
+    clean = next(each for each in running.case_specs("tiny", 2) if each.kind == "clean")
     with pytest.raises(KeyboardInterrupt):
         running.run_case("tiny", clean)
 
 
 def test_a_case_is_diagnosed_and_compared_with_what_was_concealed() -> None:
     """Two of the tiny study: what is concealed at 2.8 times the noise is named, and nothing where there is nothing."""
-    specs = {each.name: each for each in running.labels("tiny", TINY_SEED)}
+    specs = {each.name: each for each in running.case_specs("tiny", TINY_SEED)}
     for name, verdict, causes in (
         ("quadratic-damping-01", "named", ["quadratic_damping"]),
         ("clean-001", "parameters", []),

@@ -11,9 +11,10 @@ import numpy as np
 from markdown_tables import markdown_table
 
 from deatwin.plant.errors import DataError
+from deatwin.scenarios.concealed_physics.cases import case_specs
 from deatwin.scenarios.concealed_physics.page import KINDS, tables
 from deatwin.scenarios.concealed_physics.results import FAR, NO_CASE, Goal, Opened, open_key
-from deatwin.scenarios.concealed_physics.study import key_of, labels
+from deatwin.scenarios.concealed_physics.study import key_of
 from deatwin.studies.report.words import rendered
 from deatwin.studies.sweep.seal import SweepSeal, digest
 from deatwin.studies.sweep.store import CaseStore, read_object, read_seal
@@ -32,7 +33,7 @@ def opened_study(folder: Path | str) -> tuple[Opened, SweepSeal]:
     if path.exists():
         key = read_object(path, "the key of a study")
     else:
-        key = key_of(labels(seal.parts["size"], seal.parts["seed"]))
+        key = key_of(case_specs(seal.parts["size"], seal.parts["seed"]))
     if path.exists() and digest(key) != seal.parts["key"]:
         raise DataError(f"{path}: this is not the one that was sealed; labels must not change once a study has begun")
     return open_key(CaseStore(folder, seal), key), seal
@@ -51,7 +52,6 @@ def page_data(study: Opened, goals: Sequence[Goal], seal: SweepSeal) -> dict[str
         "done": study.planned - len(study.missing),
         "remark": "",
         "cases": {words: counted[kind] for kind, words in KINDS.items() if counted[kind]},
-        "intervals": len(study.intervals),
         "errors": len(study.failures),
         "seconds": {"median": round(float(np.median(seconds)), 1), "most": round(float(seconds.max()), 1)},
         "goals": [{"goal": g.measure, "demanded": g.demanded, "reached": g.reached, "met": MET[g.met]} for g in goals],
@@ -66,7 +66,7 @@ def page_of(data: Mapping[str, Any]) -> str:
     tested = [{**g, "met": "–"} if (g["reached"], g["met"]) == (NO_CASE, "no") else g for g in data["goals"]]
     goals = markdown_table(["goal", "demanded", "reached", "met"], [list(goal.values()) for goal in tested])
     shown = [{"title": t["title"], "lines": markdown_table(t["columns"], t["rows"])} for t in data["tables"]]
-    named = ("size", "seed", "version", "seal", "planned", "done", "remark", "intervals", "errors")
+    named = ("size", "seed", "version", "seal", "planned", "done", "remark", "errors")
     text = rendered(
         TEMPLATE.read_text(encoding="utf-8"),
         **{name: data[name] for name in named},

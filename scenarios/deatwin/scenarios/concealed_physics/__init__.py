@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.scenarios.concealed_physics.cases import case_specs
 from deatwin.scenarios.concealed_physics.page import drawings, reported, summary, tables
 from deatwin.scenarios.concealed_physics.results import FAR, open_key, score, sentence
-from deatwin.scenarios.concealed_physics.study import carry_out, key_of, labels
+from deatwin.scenarios.concealed_physics.study import carry_out, key_of
 from deatwin.studies.report.story import Measure, StoryPage, end_run, write_story
 from deatwin.studies.report.words import notes
 from deatwin.studies.stories import Setting
@@ -31,7 +32,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     folder.written.extend(("seal.json", "cases"))  # by the store, as soon as it begins
     store = carry_out(folder.path, size, setting.seed, setting.jobs, setting.progress)
     setting.progress(1.0, "opening the key")
-    key = key_of(labels(size, setting.seed))
+    key = key_of(case_specs(size, setting.seed))
     study = open_key(store, key)
     goals, seconds = score(study), np.array(study.seconds or (0.0,))
     advised = [case for case in study.of("tie") if case.again]
@@ -59,7 +60,6 @@ def run(setting: Setting) -> Mapping[str, Any]:
         "seal": store.seal.hash,
         "goals": [asdict(goal) for goal in goals],
         "cases": len(study.cases),
-        "interval_parameters": len(study.intervals),
         "failures": dict(study.failures),
     }
     return end_run(folder, record, page.title, result)

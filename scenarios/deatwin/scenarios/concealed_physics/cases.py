@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant import effect_named
-from deatwin.plant.effects import catalogue
 from deatwin.scenarios.concealed_physics.generator.mechanisms import log_uniform
 from deatwin.scenarios.concealed_physics.generator.specimens import CHECK_SECONDS, RICH, SECONDS, CaseSpec
 
@@ -78,7 +77,6 @@ PAIR_RATIOS, PAIR_NOISE_SHARES = (0.9, 2.5), (0.01, 0.025)
 OUTSIDE_RATIOS, TIE_RATIOS = (0.4, 4.0), (0.7, 3.0)
 NOISE_SHARES = (0.01, 0.05)
 PAIRABLE = 5.0  # Least reach, against the noise, of an effect that takes part in a pair
-FEW = 3  # Effects of a library whose intervals are tried
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +88,6 @@ class Size:
     outside: int  # Cases with a mechanism outside the catalogue
     pairs: int  # Cases with two effects
     ties: int  # Cases with poor input
-    draws: int  # Fits of each effect whose intervals are tried
     dirt: int = 0  # Cases without an effect in which the laboratory is not perfect
     ladder: tuple[float, ...] = LADDER
     seconds: float = SECONDS  # Length of a case's recordings together, s
@@ -108,7 +105,6 @@ SIZES: Mapping[str, Size] = {
         outside=2,
         pairs=2,
         ties=1,
-        draws=1,
         seconds=36.0,
         check_seconds=16.0,
         form="usual",
@@ -121,26 +117,14 @@ SIZES: Mapping[str, Size] = {
         outside=14,
         pairs=20,
         ties=0,
-        draws=0,
         ladder=(0.9, 2.8),
         seconds=420.0,
         check_seconds=120.0,
         excitation="noise+holds",
     ),
-    "standard": Size(clean=150, effects=9, outside=40, pairs=40, ties=24, draws=6, dirt=30),
-    "full": Size(clean=300, effects=18, outside=80, pairs=80, ties=48, draws=12, dirt=60),
+    "standard": Size(clean=150, effects=9, outside=40, pairs=40, ties=24, dirt=30),
+    "full": Size(clean=300, effects=18, outside=80, pairs=80, ties=48, dirt=60),
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class IntervalSpec:
-    """A fit to data of the reduced plant, whose intervals are tested."""
-
-    name: str  # Unique in the study
-    effect: str  # Added to the plant that makes the data and to the one that is fitted
-    coloured: bool  # True if the sensor's noise is coloured
-    seed: int
-    kind: str = "interval"
 
 
 def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
@@ -155,20 +139,6 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     return tuple(
         CaseSpec(seed=first + k, form=of.form, library=of.library, **_recorded(given, of.excitation, rng))
         for k, given in enumerate(several)
-    )
-
-
-def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
-    """List the fits of a study whose intervals are tested."""
-    of = SIZES[size]
-    effects = of.library[:FEW] or tuple(e.name for e in catalogue() if e.name not in INVISIBLE)
-    pairs = [(effect, draw) for effect in effects for draw in range(of.draws)]
-    seeds = np.random.SeedSequence((seed, len(pairs))).generate_state(len(pairs))
-    return tuple(
-        IntervalSpec(
-            name=f"interval-{effect.replace('_', '-')}-{draw:02}", effect=effect, coloured=bool(draw % 2), seed=int(s)
-        )
-        for (effect, draw), s in zip(pairs, seeds, strict=True)
     )
 
 

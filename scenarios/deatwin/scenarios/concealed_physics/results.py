@@ -59,10 +59,9 @@ class Opened:
     """A study with its key and all finished cases."""
 
     cases: tuple[Case, ...]
-    intervals: tuple[bool, ...]  # Whether each interval of the fits holds the true value
-    failures: Mapping[str, str]  # Messages of the cases and fits that ended in an error
+    failures: Mapping[str, str]  # Messages of the cases that ended in an error
     seconds: tuple[float, ...]  # Processor time of each case
-    planned: int  # Cases and fits that the key has
+    planned: int  # Cases that the key has
     missing: tuple[str, ...]  # Those of them that have not been run
 
     def of(self, *kinds: str, ratio: float = 0.0) -> list[Case]:
@@ -79,13 +78,10 @@ def open_key(store: CaseStore, key: Mapping[str, Any]) -> Opened:
         )
     missing = store.missing([spec["name"] for spec in key["cases"]])
     results = [(spec, store.get(spec["name"])) for spec in key["cases"] if spec["name"] not in set(missing)]
-    cases = [(spec, result) for spec, result in results if spec["kind"] != "interval"]
-    fits = [result for spec, result in results if spec["kind"] == "interval"]
     return Opened(
-        cases=tuple(_case(spec, result, key["names"]) for spec, result in cases),
-        intervals=tuple(held for result in fits for _, held in _covered(result)),
+        cases=tuple(_case(spec, result, key["names"]) for spec, result in results),
         failures={spec["name"]: result["message"] for spec, result in results if result["status"] != "done"},
-        seconds=tuple(float(result.get("seconds_in_all", 0.0)) for _, result in cases),
+        seconds=tuple(float(result.get("seconds_in_all", 0.0)) for _, result in results),
         planned=len(key["cases"]),
         missing=tuple(missing),
     )
@@ -192,11 +188,9 @@ def score(study: Opened) -> list[Goal]:
     named = [case for case in study.of("effect", "pair") if case.verdict == "named"]
     tied = [case for case in study.of("tie") if case.verdict == "ambiguous"]
     answered = [case for case in study.cases if case.named_right or (case.kind == "clean" and not case.detected)]
-    fine = {name: [held for c in answered for n, held in c.covered if ("." in n) == name] for name in (False, True)}
-    rates = [Rate.of(study.intervals), Rate.of([*fine[False], *fine[True]])]
-    covers = [
-        rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= most for rate, most in zip(rates, MOST, strict=True)
-    ]
+    held = [each for case in answered for each in case.covered]
+    rate = Rate.of(right for _, right in held)
+    covers = rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= 0.97
     return [
         _at_most("false_alarm", [bool(c.causes) for c in study.of("clean", "dirt")], 1),
         _at_least("cleared", [c.verdict in CLEAN_VERDICTS for c in clean], 0.95),
@@ -216,14 +210,8 @@ def score(study: Opened) -> list[Goal]:
         _median("gap_closed", gaps_closed(study), 0.95),
         _at_least("ahead", [_ahead(c) for c in named], 0.9),
         _points("beyond_sparse", inside, 0.3),
-        _rate("covered", f"92 to 98 %, of at least {LEAST_PARAMETERS} intervals", study.intervals, covers[0]),
-        _rate(
-            "fine_covered",
-            f"92 to 97 %, of at least {LEAST_PARAMETERS} intervals",
-            [*fine[False], *fine[True]],
-            covers[1],
-        ),
-        _rate("effect_covered", REPORTED, fine[True], None),
+        _rate("covered", f"92 to 97 %, of at least {LEAST_PARAMETERS} intervals", [right for _, right in held], covers),
+        _rate("effect_covered", REPORTED, [right for name, right in held if "." in name], None),
         *_calibration(study),
     ]
 

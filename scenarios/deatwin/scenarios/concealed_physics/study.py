@@ -22,92 +22,19 @@ from deatwin.ident.mismatch.naming.screen import leads
 from deatwin.ident.mismatch.refit.search import at_its_time, finish, search
 from deatwin.plant import (
     DeatwinError,
-    Diaphragm,
     Effect,
     Experiment,
-    Parameter,
     Plant,
-    Rig,
-    Scale,
     SimulationError,
     effect_named,
 )
-from deatwin.plant.excitation import band_limited_noise, random_holds
 from deatwin.plant.interrupts import obeying
 from deatwin.plant.records import finite, plain
-from deatwin.scenarios.concealed_physics.cases import KEY, SIZES, IntervalSpec, case_specs, interval_specs, key_dict
+from deatwin.scenarios.concealed_physics.cases import KEY, SIZES, case_specs, key_dict
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec, Specimen, make
-from deatwin.studies.missing_physics import experiment_of
 from deatwin.studies.sweep.run import run_sweep
 from deatwin.studies.sweep.seal import SweepSeal, digest, sources_digest, thresholds
 from deatwin.studies.sweep.store import CaseStore
-
-RIG_SPREAD, EFFECT_SPREAD = 0.1, 0.4
-"""Half widths within which the logarithms of true values are drawn around the typical ones."""
-SECONDS = 60.0
-ATTEMPTS = 20  # Draws of true values until a plant can follow the commands
-COLOUR = 0.6  # Correlation of neighbouring samples of coloured noise
-TOLERANCE = 1e-6
-
-
-def cover(spec: IntervalSpec) -> dict[str, Any]:
-    """Simulate data with an effect, fit the same plant, and return which intervals contain the true value."""
-    rng = np.random.default_rng(spec.seed)
-    true, silent = _simulable(spec, rng)
-    recorded = _read(true, silent, spec.coloured, rng)
-    fit = calibrate(true, [Part.whole(recorded)], starts=1, tolerance=TOLERANCE)
-    effect = effect_named(spec.effect)
-    names = [p.name for p in effect.parameters if p.name != f"{effect.name}.{effect.event}"]
-    ends = [dict(zip(("low", "high"), fit.interval(name), strict=True)) for name in names]
-    rows = [{"name": n, "true": true.parameters[n].value, **end} for n, end in zip(names, ends, strict=True)]
-    return {"status": "done", "parameters": rows}
-
-
-def _simulable(spec: IntervalSpec, rng: np.random.Generator) -> tuple[Plant, Experiment]:
-    """Return true plant and commands, drawn again until the plant can be simulated."""
-    for _ in range(ATTEMPTS):
-        plant = _drawn(effect_named(spec.effect), rng)
-        silent = _commands(rng, plant.rig)
-        if plant.simulate(silent).status.ok:
-            return plant, silent
-    raise SimulationError(f"{spec.effect}: none of {ATTEMPTS} plants that were drawn can follow the commands")
-
-
-def _drawn(effect: Effect, rng: np.random.Generator) -> Plant:
-    plant = Plant(rig=Diaphragm(), effects=(effect,))
-    values = {}
-    for name in plant.parameters.free:
-        spread = EFFECT_SPREAD if name.startswith(f"{effect.name}.") else RIG_SPREAD
-        values[name] = _moved(plant.parameters[name], rng.uniform(-spread, spread))
-    return plant.with_values(values)
-
-
-def _moved(parameter: Parameter, by: float) -> float:
-    """Multiply a value by an exponential factor, staying clear of the bounds of its range."""
-    least, most = parameter.ends
-    room = 0.02 * (most - least) if parameter.scale is not Scale.LINEAR else 0.0
-    at = parameter.scale.to_coordinate(parameter.value * float(np.exp(by)))
-    return parameter.scale.to_value(min(max(at, least + room), most - room))
-
-
-def _commands(rng: np.random.Generator, rig: Rig) -> Experiment:
-    """Return band-limited noise followed by holds, which excite fast and slow effects."""
-    noise = band_limited_noise(rng, SECONDS / 2, rig.sample_time)
-    holds = random_holds(rng, SECONDS / 2, rig.sample_time, lower=1.1, upper=3.75)
-    commands = np.concatenate([noise, holds])
-    return experiment_of(rig, commands, np.zeros_like(commands))
-
-
-def _read(plant: Plant, silent: Experiment, coloured: bool, rng: np.random.Generator) -> Experiment:
-    record = silent.recordings[0]
-    white = rng.standard_normal(record.n_samples)
-    if coloured:
-        from scipy.signal import lfilter
-
-        white = lfilter([np.sqrt(1 - COLOUR**2)], [1.0, -COLOUR], white)
-    reading = plant.simulate(silent).require().outputs[0] + plant.rig.noise * white
-    return Experiment(recordings=(replace(record, outputs=reading),))
-
 
 BASELINES = {"pysindy": sparse_dynamics, "gaussian_process": gaussian_process, "narx": narx}
 """Models of the residual that do not ask which physics is missing, in the order of the tables."""
@@ -322,17 +249,10 @@ def seal_of(size: str, seed: int, key: Mapping[str, Any]) -> SweepSeal:
     return SweepSeal(schema=CASE_SCHEMA, parts=parts)
 
 
-EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}  # Work of a case of that kind; others take 1
-
-Spec = CaseSpec | IntervalSpec
+EFFORT = {"clean": 0.5, "dirt": 0.5, "tie": 2.0}  # Work of a case of that kind; others take 1
 
 
-def labels(size: str, seed: int) -> tuple[Spec, ...]:
-    """List all cases of a study with their concealed effects."""
-    return (*case_specs(size, seed), *interval_specs(size, seed))
-
-
-def key_of(specs: Sequence[Spec]) -> dict[str, Any]:
+def key_of(specs: Sequence[CaseSpec]) -> dict[str, Any]:
     """Make the key: the concealed effect of each case, and its right names."""
     return {"names": key_dict(), "cases": plain(specs)}
 
@@ -340,7 +260,7 @@ def key_of(specs: Sequence[Spec]) -> dict[str, Any]:
 def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[float, str], None]) -> CaseStore:
     """Seal the study, or continue it, and run every case that has no result."""
     tell(0.0, "sealing labels and thresholds")
-    specs = labels(size, seed)
+    specs = case_specs(size, seed)
     store = CaseStore(folder, seal_of(size, seed, key_of(specs)))
     # All kinds are mixed, so that an interrupted study holds a fair sample and the remaining time is known early.
     mixed = [specs[k] for k in np.random.default_rng(seed).permutation(len(specs))]
@@ -355,13 +275,13 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[flo
     return store
 
 
-def run_case(size: str, spec: Spec) -> dict[str, Any]:
+def run_case(size: str, spec: CaseSpec) -> dict[str, Any]:
     """Run a case; an exception becomes a result, and a non-finite number None."""
     begun = time.process_time()
     of = SIZES[size]
     try:
         with obeying():
-            result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec, of.seconds, of.check_seconds)
+            result = examine(spec, of.seconds, of.check_seconds)
     except Exception as error:  # whatever it is, the case is counted: it failed
         result = {"status": "error", "message": f"{type(error).__name__}: {' '.join(str(error).split())}"}
     done: dict[str, Any] = finite({**result, "seconds_in_all": round(time.process_time() - begun, 2)})
