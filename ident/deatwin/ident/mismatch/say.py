@@ -243,11 +243,12 @@ def _in(region: Region, diagnosis: Diagnosis) -> str:
     """Return a range of an operating signal, in the words of a condition."""
     if region.signal == BRANCH:
         return f"while the reading {'rises' if region.high > 0 else 'falls'}"
-    span = " to ".join(number(end) for end in ends(region))
+    span, signal = " to ".join(number(end) for end in ends(region)), spaced(region.signal)
+    article = "an" if signal[:1].lower() in "aeio" else "a"
     return (
         f"from {span} s after the command last rested"
         if region.signal == SINCE_REST
-        else f"at a {spaced(region.signal)} from {span} {unit_of(region.signal, diagnosis)}".rstrip()
+        else f"at {article} {signal} from {span} {unit_of(region.signal, diagnosis)}".rstrip()
     )
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.arguments import read_only
-from deatwin.plant.errors import ModelError
+from deatwin.plant.arrays import real_numbers
+from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import UNSTATED, Recording
 
 Array = NDArray[np.float64]
@@ -131,9 +132,9 @@ def units_apart(names: Sequence[str], units: Sequence[str], others: Sequence[str
 
 def _numbers(values: ArrayLike, what: str) -> Array:
     try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ModelError(f"{what} must be an array of numbers; got a {type(values).__name__}") from None
+        return real_numbers(values, what)
+    except DataError as error:
+        raise ModelError(str(error)) from None
 
 
 def _inputs(given: ArrayLike, names: Sequence[str]) -> Array:

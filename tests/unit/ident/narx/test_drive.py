@@ -76,7 +76,8 @@ def test_several_outputs_and_one_input():
         (lambda x: x, np.ones((1, 60)), "at least 61 are needed"),
         (lambda x: x[:, :5], None, "the inputs have 5 samples"),
         (lambda x: np.where(x == x[1, 7], np.nan, x), None, "the input w is nan at sample 7"),
-        (lambda x: "inputs.csv", None, "must be an array of numbers"),
+        (lambda x: "inputs.csv", None, "must be an array of real numbers"),
+        (lambda x: np.ma.masked_greater(x, 0.5), None, "is nan at sample"),
     ],
 )
 def test_what_cannot_drive_a_run_is_refused_with_what_could(inputs, change, initial, says):
