@@ -13,11 +13,12 @@ from rig_files import SOUND
 
 from deatwin.plant.files import read_recording, write_csv, write_recording
 from deatwin.plant.files.csvtable import read_table
+from deatwin.plant.files.formats.table import OVERFLOW
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.rigfile import RigFile
 
-finite = st.floats(allow_nan=False, allow_infinity=False)
+finite = st.floats(-0.1 * OVERFLOW, 0.1 * OVERFLOW)  # larger ones mark an overflow in the files of instruments
 moderate = st.floats(-1e6, 1e6, allow_subnormal=False)
 lengths = st.shared(st.integers(2, 40), key="samples")
 # Texts without lone surrogates, which no encoding holds; null characters end texts in MATLAB and TDMS files.
