@@ -281,8 +281,8 @@ def calibrate(
         If there is no recording, or a recording has other units than the plant; or if a name occurs twice, or is not
         the name of a free parameter.
     ModelError
-        If there is no plant, `starts` or `evaluations` is not an integer of at least 1, `tolerance` is not positive, or `hopeless` is not
-        a number.
+        If there is no plant, `starts` or `evaluations` is not an integer of at least 1, `tolerance` is not positive, or
+        `hopeless` is not a number.
 
     References
     ----------

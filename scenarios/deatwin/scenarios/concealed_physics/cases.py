@@ -61,17 +61,8 @@ def key_dict() -> dict[str, Any]:
     }
 
 
-LADDER = (
-    0.1,
-    0.15,
-    0.2,
-    0.3,
-    0.5,
-    0.9,
-    1.6,
-    2.8,
-    5.0,
-)  # Strengths of the cases of an effect, structural residual over noise
+LADDER = (0.1, 0.15, 0.2, 0.3, 0.5, 0.9, 1.6, 2.8, 5.0)
+"""Strengths of the cases of an effect: structural residual over noise."""
 PAIR_RATIOS, PAIR_NOISE_SHARES = (0.9, 2.5), (0.01, 0.025)
 """Each of two mechanisms is to reach 0.7 within the tolerance of its strength."""
 OUTSIDE_RATIOS, TIE_RATIOS = (0.4, 4.0), (0.7, 3.0)

@@ -155,10 +155,6 @@ NO_CASE = "not tested (no such cases)"  # Reached by a goal for which nothing wa
 STRONG, VERY_STRONG = 0.5, 1.0
 """Structural residual over noise from which on a name, and a prediction as good as the oracle's, can be demanded."""
 LEAST_PARAMETERS = 300
-MOST = (
-    0.98,
-    0.97,
-)  # Largest share of intervals that hold, of recordings by the same equations and by the fine membrane
 DRAWS = 2000  # Perfect forecasters whose calibration errors are drawn
 REPORTED = "reported"
 Ends = tuple[float, float, float]
