@@ -118,7 +118,6 @@ class Film(AnyFilm):
               \kappa = \int 4(a^2 + ab + b^2)\,dV_0, \quad a, b = \frac{d\ln\lambda_i}{d\ln\xi}.
     """
 
-    stretch: Symbol  # The coordinate that a branch copies
     relaxed: Callable[[Any], Stretches]  # Stretches at each point of a film that is relaxed at the viscous stretch
 
     def with_branch(self, name: str, modulus: Symbol, time: Symbol, build: Builder) -> Self:

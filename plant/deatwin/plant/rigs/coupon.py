@@ -105,7 +105,6 @@ class Coupon(Rig):
         strip = Film(
             points=[FilmPoint(volume=volume, stretches=_uniaxial(stretch)[0])],
             elastic=volume * self.substance.energy(*_uniaxial(stretch)[0], *elastic),
-            stretch=stretch,
             relaxed=_uniaxial,
             prestretches=(1.0, 1.0),
         )

@@ -140,7 +140,7 @@ class Disc(FilmActuator):
             )
             for k, pair in enumerate(stretches(position - prestretch * size, bends))
         ]
-        film = partial(Film, stretch=position / size, relaxed=lambda xi: stretches((xi - prestretch) * size, []))
+        film = partial(Film, relaxed=lambda xi: stretches((xi - prestretch) * size, []))
         return Kinematics(points=points, coordinates=bends, film=film)
 
     def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:

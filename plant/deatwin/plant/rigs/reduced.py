@@ -56,7 +56,7 @@ def reduced(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
     build.guess(outer, rig.sag(rig.electrode_radius, build))
     support = SUPPORTS[rig.ball](rig, build)
     points = _points(geometry, support, stretch, (deflection - outer, outer), build.parameter("thickness"))
-    film = partial(Film, stretch=stretch, relaxed=partial(_relaxed, rig, geometry))
+    film = partial(Film, relaxed=partial(_relaxed, rig, geometry))
     return Kinematics(points=points, coordinates=[stretch, outer, support.coordinate], film=film)
 
 

@@ -44,7 +44,6 @@ class Chain(Bare):
         film = Film(
             points=[point],
             elastic=0.0,
-            stretch=swelling,
             relaxed=lambda xi: [(xi, xi)],
             prestretches=(1.0, 1.0),
         )

@@ -155,7 +155,6 @@ def permitting(effect, stretch):
         points=[point],
         elastic=ca.SX(0),
         capacitances=[capacitance],
-        stretch=symbol,
         relaxed=lambda xi: [(xi, xi)],
         prestretches=(3.5, 3.5),
     )
