@@ -152,14 +152,15 @@ class Prices:
         """Return the model error in an unrecorded reading, for an explanation's motion."""
         problem, reading = self.question.problem, replace(one.reading, noise=one.sensor.noise)
         parts = [replace(part, reading=reading.name, levels=None) for part in first_only(problem.fitted)]
-        rig = replace(problem.nominal.rig, further=(reading,))
-        return own_errors(rig, parts, one.signals[truth][0], 0.0, 0.0).of[0]
+        plant = self.question.fits[truth].plant
+        read = plant.with_rig(replace(plant.rig, further=(reading,)))
+        return own_errors(read, parts, one.signals[truth][0], 0.0, 0.0).of[0]
 
     def _errors(self, truth: int) -> OwnErrors:
         """Return the model error in the recorded readings, for an explanation's motion."""
-        problem = self.question.problem
-        readings = readings_of_fit(problem.fitted, self.question.fits[truth].residuals)
-        return own_errors(problem.nominal.rig, problem.fitted, readings, self.question.noise, problem.expected_error)
+        problem, fit = self.question.problem, self.question.fits[truth]
+        readings = readings_of_fit(problem.fitted, fit.residuals)
+        return own_errors(fit.plant, problem.fitted, readings, self.question.noise, problem.expected_error)
 
     def _own(self, number: int) -> np.ndarray:
         """Return the products (p + 1, p + 1) of derivatives and difference of a pair, in the recordings."""

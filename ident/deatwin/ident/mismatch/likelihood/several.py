@@ -9,11 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from deatwin.ident.greybox.covariance import beside
-from deatwin.ident.greybox.parts import Part, level_of
-from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, FAST, NOISE, SPREAD, OwnError
+from deatwin.ident.greybox.parts import Part, level_of, simulated
+from deatwin.ident.mismatch.likelihood import structured
+from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, FAST, NOISE, SPREAD, TIMING, OwnError
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Reading
 from deatwin.ident.mismatch.likelihood.whitening import grams
-from deatwin.plant.rigs.base import Rig
+from deatwin.plant.effects.delay import USUAL, Delay
+from deatwin.plant.model import Plant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +56,11 @@ class OwnErrors:
             first = last
         return found
 
+    @property
+    def of_timing(self) -> np.ndarray:
+        """Return which columns are timing errors, bool of shape (k,)."""
+        return np.concatenate([one.of_timing for one in self.of])
+
     def columns_after(self, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         """Return the columns after a fit, (n, k), with timing at the size that its residuals, (n,), show."""
         # Any fast motion reveals the time of the readings. Residuals do not reveal how far a fit has absorbed bends and
@@ -63,7 +70,7 @@ class OwnErrors:
         spread = np.linalg.inv(np.eye(free.shape[1]) + free.T @ free / variance)
         mean = spread @ (free.T @ residuals) / variance
         shown = np.minimum(np.sqrt(mean**2 + np.diag(spread)), 1.0)
-        return self.columns * np.where(np.concatenate([one.of_timing for one in self.of]), shown, 1.0)
+        return self.columns * np.where(self.of_timing, shown, 1.0)
 
     def likelihood(self, residuals: np.ndarray, columns: np.ndarray) -> list[Reading]:
         """Return each reading in the form that the likelihood needs; `residuals` (n,), `columns` (n, m)."""
@@ -95,12 +102,13 @@ class OwnErrors:
         return found
 
 
-def own_errors(rig: Rig, parts: Sequence[Part], readings: np.ndarray, noise: float, stated: float) -> OwnErrors:
+def own_errors(plant: Plant, parts: Sequence[Part], readings: np.ndarray, noise: float, stated: float) -> OwnErrors:
     """Return the errors of a plant with `readings`, (n,); the first reading has this `noise` and `stated` error."""
     # A further reading has the noise that the rig states. Its error is at least the rig's share of the reading's
     # variation.
     whole = np.repeat(np.arange(len(parts)), [part.size for part in parts])
-    times, level = np.concatenate([part.timepts for part in parts]), level_of(parts)
+    rig, times, level = plant.rig, np.concatenate([part.timepts for part in parts]), level_of(parts)
+    late = later(plant, parts, readings, TIMING * rig.sample_time)
     own, places = [], []
     for name in dict.fromkeys(part.reading for part in parts):
         at = np.flatnonzero(np.isin(whole, [k for k, part in enumerate(parts) if part.reading == name]))
@@ -119,10 +127,28 @@ def own_errors(rig: Rig, parts: Sequence[Part], readings: np.ndarray, noise: flo
                 sample_time=rig.sample_time,
                 noise=max(sensor, ACCURACY * float(np.std(readings[at]))),
                 stated=error,
+                late=late[at],
             )
         )
         places.append(at)
     return OwnErrors(of=tuple(own), at=tuple(places))
+
+
+def later(plant: Plant, parts: Sequence[Part], readings: np.ndarray, shift: float) -> np.ndarray:
+    """Return the change of a plant's `readings`, (n,), if the command acted later by `shift`, s."""
+    # The command jumps at the sample times, so the motion has corners there, and its slope before a sample is not that
+    # which neighbouring readings show.
+    name, step = f"{Delay.name}.time", min(shift, USUAL)
+    if name in plant.parameters:
+        now = plant.parameters[name].value
+        step = step if now < step else -step
+        moved = simulated(plant.with_values({name: now + step}), parts)
+    else:
+        moved = simulated(plant.with_effects(Delay(time=step)), parts) if plant.accepts(Delay()) else None
+    if moved is None:
+        records = np.repeat(np.arange(len(parts)), [part.size for part in parts])
+        return -shift * structured.slope(readings, np.concatenate([part.timepts for part in parts]), records)
+    return (moved - readings) * (shift / step)
 
 
 def products_of(error: OwnError, rows: np.ndarray) -> np.ndarray:

@@ -38,14 +38,14 @@ def bends(simulated: np.ndarray, rms: float) -> np.ndarray:
     return basis[:, first:] * bent * rms * np.sqrt(simulated.size / max(bent.sum(), 1))
 
 
-def timing(simulated: np.ndarray, times: np.ndarray, records: np.ndarray, shift: float) -> np.ndarray:
-    """Return the time derivative of a reading within each recording, multiplied by a shift in s, (n, 1)."""
+def slope(simulated: np.ndarray, times: np.ndarray, records: np.ndarray) -> np.ndarray:
+    """Return the time derivative of a reading, (n,), within each recording."""
     slopes = np.zeros_like(simulated)
     for record in np.unique(records):
         own = records == record
         if own.sum() > 1:
             slopes[own] = np.gradient(simulated[own], times[own])
-    return shift * slopes[:, None]
+    return slopes
 
 
 def known(directions: np.ndarray, sizes: Sequence[float]) -> np.ndarray:

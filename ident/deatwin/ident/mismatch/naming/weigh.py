@@ -16,6 +16,10 @@ whose error helps the single effect most, since each pair is compared with the s
 explains worse than an error of the law along another one is no reason to name it. That is cautious: with equal prior
 probabilities of all directions, the single effect would have the mean of these likelihoods, not the largest. An exact
 law and an inexact one have equal prior probability.
+
+A short delay beside an effect is what the plant's own timing error is. A fit of the effect alone cannot follow such an
+error, and readings are not linear in the parameters over the distance. So the evidence of the effect alone is also
+evaluated at the fit with a delay, whose prior is then that of the timing error; the larger value counts.
 """
 
 from __future__ import annotations
@@ -32,6 +36,8 @@ from deatwin.ident.greybox.parts import level_of, motion_of
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.likelihood import structured
 from deatwin.ident.mismatch.likelihood.beforehand import (
+    TIMING,
+    Coordinate,
     coordinate,
     departure,
     nominal_odds,
@@ -48,6 +54,7 @@ from deatwin.ident.mismatch.naming.criteria import inwards
 from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.plan.seen import Change, products
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.plant.effects.delay import Delay
 from deatwin.plant.parameters import Parameter
 
 OWN, OTHER = 0.05, 0.015
@@ -77,8 +84,9 @@ class Scale:
 
         `others` are further pairs, along whose second effects the law may err instead.
         """
+        exact = max(self.weight(alone), *(self._late_weight(alone, other) for other in (pair, *others)))
         inexact = max(self._inexact_weight(alone, other) for other in (pair, *others))
-        either = np.logaddexp(self.weight(alone), inexact) - np.log(2.0)
+        either = np.logaddexp(exact, inexact) - np.log(2.0)
         return self.weight(pair) - float(either) + self._pair_odds + pair.log_share - alone.log_share
 
     def over(self, best: Candidate, other: Candidate) -> float:
@@ -87,6 +95,15 @@ class Scale:
         """
         either = np.logaddexp(self.weight(other), self._inexact_weight(other, best)) - np.log(2.0)
         return self.weight(best) - float(either) + best.log_share - other.log_share
+
+    def _late_weight(self, alone: Candidate, other: Candidate) -> float:
+        """Return the log evidence of an explanation at its fit with a delay, if `other` is that fit; else -inf."""
+        further = set(other.effects) - set(alone.effects)
+        causes = [effect.cause for effect in self.problem.everywhere if effect.name in further]
+        if causes != [Delay.name] or len(other.effects) != len(alone.effects) + 1:
+            return -np.inf
+        (name,) = further
+        return self.weight(other, late=f"{name}.time")
 
     def _inexact_weight(self, alone: Candidate, pair: Candidate) -> float:
         """Return the log evidence of an explanation whose law errs along its difference from another one."""
@@ -101,17 +118,21 @@ class Scale:
         """Return the prior log odds of any two effects over any one."""
         return pair_odds(len({effect.cause for effect in self.problem.everywhere}))
 
-    def weight(self, candidate: Candidate) -> float:
-        """Return the log evidence of a candidate's fit."""
-        known = self._weights.get(candidate.effects)
+    def weight(self, candidate: Candidate, late: str = "") -> float:
+        """Return the log evidence of a candidate's fit, in which the delay named `late` is the plant's timing error."""
+        known = self._weights.get((*candidate.effects, late))
         if known is None or known[0] is not candidate.calibration:  # refitted since
-            known = self._weights[candidate.effects] = (candidate.calibration, self._evidence(candidate))
+            known = candidate.calibration, self._evidence(candidate, late=late)
+            self._weights[(*candidate.effects, late)] = known
         return known[1]
 
-    def _evidence(self, candidate: Candidate, law: np.ndarray | None = None) -> float:
-        """Return the log evidence of a candidate's fit, with columns (n, k) along which its law may err."""
+    def _evidence(self, candidate: Candidate, law: np.ndarray | None = None, late: str = "") -> float:
+        """Return the log evidence of a candidate's fit, with columns (n, k) along which its law may err.
+
+        The delay named `late` is the plant's own timing error.
+        """
         fit = candidate.calibration
-        columns, prior, factor = self._columns(candidate)
+        columns, prior, factor = self._columns(candidate, late)
         if law is not None:
             columns = np.column_stack([columns, law])
             prior = Prior(
@@ -127,24 +148,30 @@ class Scale:
     @cached_property
     def error(self) -> OwnErrors:
         """Return the model error in each reading, for the motion of the base plant."""
-        parts = self.problem.fitted
-        readings = readings_of_fit(parts, self.base.calibration.residuals)
-        return own_errors(self.problem.nominal.rig, parts, readings, self.noise, self.problem.expected_error)
+        parts, fit = self.problem.fitted, self.base.calibration
+        readings = readings_of_fit(parts, fit.residuals)
+        return own_errors(fit.plant, parts, readings, self.noise, self.problem.expected_error)
 
-    def _columns(self, candidate: Candidate) -> tuple[np.ndarray, Prior, float]:
+    def _columns(self, candidate: Candidate, late: str = "") -> tuple[np.ndarray, Prior, float]:
         """Return the columns of parameters and model error, scaled by prior deviations, (n, k), the fit's prior, and
         its log factor.
+
+        The delay named `late` is the plant's own timing error.
         """
         fit, effects = candidate.calibration, {effect.name: effect for effect in self.problem.everywhere}
         moves = Problem(plant=fit.plant, parts=(), names=fit.names).smooth()
         parameters = [fit.plant.parameters[name] for name, smooth in zip(fit.names, moves, strict=True) if smooth]
         largest = float(np.quantile(np.abs(self.error.of[0].readings), 0.99))
-        known = [coordinate(p, self.problem.nominal, effects, largest) for p in parameters]
+        timing = Coordinate(mean=0.0, deviation=TIMING * self.problem.nominal.rig.sample_time)
+        known = [
+            timing if p.name == late else coordinate(p, self.problem.nominal, effects, largest) for p in parameters
+        ]
         mean, spread = (np.array([getattr(k, name) for k in known]) for name in ("mean", "deviation"))
         # Deviations of the rig's own parameters count in `log_prior_of_rig`, since nominal values may be wrong.
         of_effects = [p.name.partition(".")[0] in effects for p in parameters]
         at = np.where(of_effects, [p.scale.to_coordinate(p.value) for p in parameters], mean)
-        columns = np.column_stack([fit.jacobian[:, moves] * spread, self.error.columns])
+        errors = np.where(self.error.of_timing, 0.0, self.error.columns) if late else self.error.columns
+        columns = np.column_stack([fit.jacobian[:, moves] * spread, errors])
         sided = [k for k, one in enumerate(known) if one.one_sided]
         prior = Prior.of((at.size, (at - mean) / spread), (columns.shape[1] - at.size, None), one_sided=sided)
         factor = sum(k.log_factor for k in known)

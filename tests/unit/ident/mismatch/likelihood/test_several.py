@@ -4,22 +4,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from foreign_models import SAMPLE, Motor
 from scipy.stats import multivariate_normal
 
+from deatwin.ident.greybox.parts import Part, simulated
 from deatwin.ident.mismatch.likelihood.beforehand import TIMING, OwnError
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior
 from deatwin.ident.mismatch.likelihood.scales import evidence
-from deatwin.ident.mismatch.likelihood.several import OwnErrors
+from deatwin.ident.mismatch.likelihood.several import OwnErrors, later
+from deatwin.plant import Delay, Experiment, Plant, Recording
 
 N, DT, NOISE = 2000, 0.02, 1e-6
 TIMES = DT * np.arange(N)
 READINGS = 1e-4 * np.sin(2 * np.pi * 3.0 * TIMES)
+LATE = -TIMING * DT * np.gradient(READINGS, DT)
 
 
 @pytest.mark.parametrize("late", [0.0, 0.05])
 def test_timing_keeps_the_size_that_residuals_show_and_bends_that_of_the_rig(late: float) -> None:
     own = OwnError(
         readings=READINGS,
+        late=LATE,
         times=TIMES,
         records=np.zeros(N, dtype=int),
         sample_time=DT,
@@ -40,7 +45,13 @@ def test_timing_keeps_the_size_that_residuals_show_and_bends_that_of_the_rig(lat
 
 def test_a_further_reading_has_no_sample_times_of_its_own() -> None:
     own = OwnError(
-        readings=READINGS, times=TIMES, records=np.zeros(N, dtype=int), sample_time=DT, noise=NOISE, stated=1e-6
+        readings=READINGS,
+        late=LATE,
+        times=TIMES,
+        records=np.zeros(N, dtype=int),
+        sample_time=DT,
+        noise=NOISE,
+        stated=1e-6,
     )
     both = OwnErrors(of=(own, replace(own, records=np.ones(N, dtype=int))), at=(np.arange(N), N + np.arange(N)))
     assert both.moments == N
@@ -52,6 +63,7 @@ def test_noise_whose_level_varies_is_that_of_a_dense_covariance():
     level, slope = 1.0 + 3.0 * rng.uniform(size=n), rng.standard_normal((n, 1)) * 1e-6
     own = OwnError(
         readings=READINGS[:n],
+        late=LATE[:n],
         times=TIMES[:n],
         records=(np.arange(n) >= 40).astype(int),
         sample_time=DT,
@@ -73,3 +85,40 @@ def test_noise_whose_level_varies_is_that_of_a_dense_covariance():
     # in micrometres, where a covariance is no smaller than what SciPy takes for 0
     dense = multivariate_normal.logpdf(1e6 * left, np.zeros(n), 1e12 * cov) + n * np.log(1e6)
     assert found - np.log(level).sum() == pytest.approx(dense, abs=1e-8)
+
+
+@pytest.mark.parametrize("known", [0.0, 0.3, 2.5], ids=["a delay not in the plant", "short", "long"])
+def test_a_late_command_changes_a_held_motion_as_its_equation_says(known: float) -> None:
+    """In samples; each delay of the motor is computed with steps of a tenth of a sample."""
+    volts = np.random.default_rng(0).uniform(0.0, 12.0, 400)
+    plant = Plant(rig=Motor())
+    values = {p.name: p.value for p in plant.rig.parameters}
+    parts = (Part.whole(Experiment(recordings=(Recording.from_arrays(volts, 0.0 * volts, SAMPLE),))),)
+    if known:
+        plant = plant.with_effects(Delay(time=known * SAMPLE))
+    readings = simulated(plant, parts)
+
+    def speed(delay: float) -> np.ndarray:
+        rate = (values["constant"] ** 2 / values["resistance"] + values["drag"]) / values["inertia"]
+        gain = values["constant"] / values["resistance"] / values["inertia"] / rate
+        fine = np.concatenate([np.zeros(round(10 * delay)), np.repeat(volts, 10)])[: 10 * volts.size]
+        kept, now, found = np.exp(-rate * SAMPLE / 10), 0.0, []
+        for volt in fine:
+            now = kept * now + (1.0 - kept) * gain * volt
+            found.append(now)
+        return np.array(found)[9::10]
+
+    step = 0.1 if known < 0.1 else -0.1
+    np.testing.assert_allclose(readings, speed(known), atol=1e-6 * readings.max())
+    expected = (speed(known + step) - readings) * np.sign(step)
+    np.testing.assert_allclose(later(plant, parts, readings, 0.1 * SAMPLE), expected, atol=1e-6 * readings.max())
+
+
+def test_a_rig_that_admits_no_delay_is_late_by_the_slope_of_its_reading(oscillator, experiment) -> None:
+    plant = Plant(rig=oscillator())
+    parts = (Part.whole(experiment(np.sin(0.5 * TIMES))),)
+    readings = simulated(plant, parts)
+    earlier = simulated(plant, (Part.whole(experiment(np.sin(0.5 * (TIMES - 0.1 * DT)))),))
+    settled = (TIMES > 10.0) & (TIMES < TIMES[-1])
+    change = later(plant, parts, readings, 0.1 * DT)
+    np.testing.assert_allclose(change[settled], (earlier - readings)[settled], atol=1e-3 * np.abs(change).max())

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
-from deatwin.ident.mismatch.likelihood.structured import FILTERS, bends, known, law, limited, slow, timing
+from deatwin.ident.mismatch.likelihood.structured import FILTERS, bends, known, law, limited, slope, slow
 
 TIMES = 0.02 * np.arange(3000)
 MOTION = 1e-4 * np.sin(0.7 * TIMES) + 3e-5 * np.sin(3.1 * TIMES + 1.0)
@@ -36,14 +36,14 @@ def test_an_error_that_repeats_is_the_same_wherever_the_reading_is(values):
     assert np.mean(np.diag(covariance)) == pytest.approx(3e-7**2 if len(values) > 2 else 0.0)
 
 
-def test_timing_is_the_change_over_a_shift():
+def test_the_slope_of_a_reading_has_no_step_where_a_recording_ends():
     records = (TIMES >= 30.0).astype(int)
     times = TIMES + 500.0 * records
-    column = timing(MOTION, times, records, 0.002)[:, 0]
-    exact = 0.002 * (0.7e-4 * np.cos(0.7 * TIMES) + 9.3e-5 * np.cos(3.1 * TIMES + 1.0))
+    column = slope(MOTION, times, records)
+    exact = 0.7e-4 * np.cos(0.7 * TIMES) + 9.3e-5 * np.cos(3.1 * TIMES + 1.0)
     inside = np.r_[1:1499, 1501:2999]
     np.testing.assert_allclose(column[inside], exact[inside], atol=1e-3 * exact.max())
-    np.testing.assert_allclose(column, exact, atol=0.05 * exact.max())  # no step where a recording ends
+    np.testing.assert_allclose(column, exact, atol=0.05 * exact.max())
 
 
 def test_known_directions_come_with_their_sizes():

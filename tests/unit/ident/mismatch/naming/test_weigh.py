@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 from scipy.special import logsumexp
-from scipy.stats import norm
+from scipy.stats import cauchy, norm
 
-from deatwin.ident.mismatch.likelihood.beforehand import FAST, pair_odds
+from deatwin.ident.mismatch.likelihood.beforehand import AMPLITUDE, FAST, TIMING, pair_odds
 from deatwin.ident.mismatch.naming.decide import STRONG
 from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.naming.weigh import OTHER, Scale
@@ -25,21 +25,25 @@ EARLIER = np.exp(-((TIMES - 5.0) ** 2))  # as slow, but nothing that another law
 EARLIER = EARLIER / np.sqrt(np.mean(EARLIER**2))
 SIZE = np.sqrt(np.mean(CREPT**2))
 FAST_TONE = np.sqrt(2.0) * np.sin(2.0 * np.pi * 9.0 * TIMES)  # faster than anything that the first one does
-NOTHING = SimpleNamespace(
-    calibration=SimpleNamespace(residuals=np.zeros(TIMES.size)),
-)
 
 
 @pytest.fixture
 def problem():
     part = SimpleNamespace(timepts=TIMES, size=TIMES.size, measured=MOTION, reading="", level=np.ones(TIMES.size))
-    nominal = SimpleNamespace(rig=SimpleNamespace(sample_time=0.02), parameters={})
+    nominal = SimpleNamespace(rig=SimpleNamespace(sample_time=0.02), parameters={}, accepts=lambda effect: False)
     return SimpleNamespace(everywhere=EFFECTS, effects=EFFECTS, fitted=(part,), nominal=nominal, expected_error=5e-7)
 
 
 @pytest.fixture
 def scale(problem):
-    return Scale(problem=problem, base=NOTHING, noise=NOISE)
+    return over_nothing(problem)
+
+
+def over_nothing(problem):
+    """The likelihood whose base plant is exact."""
+    left = np.zeros(sum(part.size for part in problem.fitted))
+    base = SimpleNamespace(calibration=SimpleNamespace(residuals=left, plant=problem.nominal))
+    return Scale(problem=problem, base=base, noise=NOISE)
 
 
 def strength(effect):
@@ -114,8 +118,7 @@ def test_what_is_fast_in_another_reading_does_not_make_a_law_fast(problem):
     problem.nominal.rig.further = (SimpleNamespace(name="current", noise=NOISE, model_error=5e-7),)
     problem.nominal.rig.share_of_motion = 0.0
     problem.fitted = (part, second)
-    base = SimpleNamespace(calibration=SimpleNamespace(residuals=np.zeros(2 * TIMES.size)))
-    scale, rng = Scale(problem=problem, base=base, noise=NOISE), np.random.default_rng(8)
+    scale, rng = over_nothing(problem), np.random.default_rng(8)
     strong = np.concatenate([10.0 * CREPT, 1e-4 * FAST_TONE])
     tone = 0.3 * NOISE * np.concatenate([FAST_TONE, np.zeros(TIMES.size)])
     left = NOISE * rng.standard_normal(2 * TIMES.size) + tone
@@ -138,6 +141,25 @@ def test_pairs_are_compared_with_the_same_single_effect(scale):
 def test_of_two_that_do_nothing_the_odds_are_at_most_those_beforehand(scale):
     rng = np.random.default_rng(5)
     assert np.mean([odds(scale, 0.0, rng) for _ in range(10)]) < pair_odds(3)
+
+
+@pytest.mark.parametrize("late", [0.1, 1.0], ids=["a tenth of a sample", "a sample"])
+def test_a_delay_is_a_second_effect_if_no_timing_error_is_as_long(scale, late):
+    """A fit without the delay is far off. The odds are those of a lateness by the delay's prior and a timing error
+    together over one by a timing error alone.
+    """
+    delay, rng = EFFECTS[2], np.random.default_rng(11)
+    late, timing, typical = 0.02 * late, norm(0.0, TIMING * 0.02), AMPLITUDE * strength(delay).value
+    noise, slope = NOISE * rng.standard_normal(TIMES.size), np.gradient(MOTION, TIMES)
+    alone = fitted(noise + 3.0 * NOISE * FAST_TONE, (FIRST, CREPT))
+    pair = fitted(
+        noise + (strength(delay).value - late) * slope, (FIRST, CREPT), (delay, -strength(delay).value * slope)
+    )
+    delays = np.linspace(0.0, 0.1, 20001)
+    both = trapezoid(2.0 * cauchy(scale=typical).pdf(delays) * timing.pdf(late - delays), delays)
+    expected = np.log(both / timing.pdf(late)) + np.log(2.0) + pair_odds(3)
+    assert scale.of_two(pair, alone) == pytest.approx(expected, abs=0.7)
+    assert (expected > STRONG) == (late > 0.01)
 
 
 @pytest.mark.parametrize("shape", [EARLIER, FAST_TONE])
@@ -181,7 +203,7 @@ def test_beyond_a_bound_nothing_is_likely(scale):
     fast, slow = (6e-6 * np.sin(2.0 * np.pi * f * TIMES) for f in (9.0, 4.0))
     left = NOISE * rng.standard_normal(TIMES.size) + 0.2 * fast  # of a share of 1.2, fitted with 1
     columns = np.column_stack([slow / rate.value, fast])
-    near = Scale(problem=SimpleNamespace(**{**vars(scale.problem), "everywhere": (lag,)}), base=NOTHING, noise=NOISE)
+    near = over_nothing(SimpleNamespace(**{**vars(scale.problem), "everywhere": (lag,)}))
 
     def weight(name, value, names, at_bound=()):
         held = {rate.name: rate, share.name: replace(share, value=value)}
@@ -212,12 +234,12 @@ def test_when_an_event_came_costs_what_a_sum_over_all_samples_says(problem, paus
         for k, h in enumerate(halves)
     )
     scale, rng, jump = (
-        Scale(problem=problem, base=NOTHING, noise=NOISE),
+        over_nothing(problem),
         np.random.default_rng(10),
         effect_named("sensor_jump"),
     )
     strength, when = (next(p for p in jump.parameters if p.name == f"sensor_jump.{n}") for n in ("change", "at"))
-    near = Scale(problem=SimpleNamespace(**{**vars(scale.problem), "everywhere": (jump,)}), base=NOTHING, noise=NOISE)
+    near = over_nothing(SimpleNamespace(**{**vars(scale.problem), "everywhere": (jump,)}))
     noise = NOISE * rng.standard_normal(TIMES.size)
 
     def weight(at, event):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.likelihood.beforehand import PRIORS, OwnError
+from deatwin.ident.mismatch.likelihood.beforehand import PRIORS, TIMING, OwnError
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior, Reading
 from deatwin.ident.mismatch.likelihood.scales import evidence
 from deatwin.ident.mismatch.likelihood.several import OwnErrors
@@ -26,7 +26,15 @@ def alone(error):
 
 @pytest.fixture
 def error():
-    return OwnError(readings=READINGS, times=TIME, records=np.zeros(N), sample_time=STEP, noise=NOISE, stated=1e-6)
+    return OwnError(
+        readings=READINGS,
+        late=TIMING * np.gradient(READINGS),
+        times=TIME,
+        records=np.zeros(N),
+        sample_time=STEP,
+        noise=NOISE,
+        stated=1e-6,
+    )
 
 
 def test_the_smallest_strength_has_the_evidence_that_is_asked_for():
