@@ -95,8 +95,8 @@ def check(
     rng : numpy.random.Generator
         Random generator for the draws of the model and for the sensor noise.
     design : callable, optional
-        Function that designs a controller from the linear model, as the controller sees it (`LinearModel.in_loop`), and
-        from ``command_limits``; `lambda_tuning` by default.
+        Function called as ``design(linear, command_limits=(low, high))`` that returns a controller; `lambda_tuning` by
+        default. ``linear`` includes the delay of the loop (`LinearModel.in_loop`).
     controller : Controller, optional
         Existing controller to judge instead of designing one; the loop is then closed at its operating input.
     operating_input : float, optional

@@ -116,7 +116,7 @@ def with_dynamics(controller: InverseController, filter: InverseFilter) -> Inver
     Parameters
     ----------
     controller : InverseController
-        Controller that feeds the reference itself forward.
+        Controller that feeds the unfiltered reference forward.
     filter : InverseFilter
         Inverse filter of the model on which the controller was designed.
 

@@ -32,13 +32,13 @@ def to_nlsys(source: object, /, name: str | None = None) -> NonlinearIOSystem:
     Its states are the plant's states, as deviations from the rest at which experiments start, divided by their typical
     sizes (``plant.equations.scale``), followed by past commands if the plant has a delay. The samples are those of a
     recording: if the rig takes the reading at the end of the hold, the command of a sample feeds through to the reading
-    of the same sample. In this case, connect a controller to `in_loop` of the system.
+    of the same sample. In this case, apply `in_loop` before you connect a controller.
 
     Parameters
     ----------
     source : NarxModel or Plant
-        Model or plant. Channels other than a plant's command keep the values that the rig assumes when they are not
-        measured.
+        Model or plant. Inputs of a plant other than the command, such as a temperature, keep the values that the rig
+        assumes when they are not measured.
     name : str, optional
         Name of the system; chosen by python-control by default.
 
@@ -77,8 +77,8 @@ def _(source: Plant, name: str | None = None) -> NonlinearIOSystem:
 def rest_state_of(source: object, /, operating_input: ArrayLike) -> Array:
     """Return the state of rest, under a constant input, of the system that `to_nlsys` makes.
 
-    The command of a plant moves from its value at the start to the operating input, at which the plant comes to rest;
-    quantities that are fixed since the start keep their values. The zero state is the rest at which experiments start.
+    In the system of a plant, the zero state is the rest at which experiments start. From there the command moves to the
+    operating input, where the plant comes to rest; quantities that the start of an experiment fixes keep their values.
 
     Parameters
     ----------
@@ -121,10 +121,10 @@ def _(source: Plant, operating_input: ArrayLike) -> Array:
 
 @taking(name=instance(str))
 def in_loop(system: NonlinearIOSystem, name: str | None = None) -> NonlinearIOSystem:
-    """Delay the outputs of a system by one sample, as a controller sees them.
+    """Delay the outputs of a system by one sample, as in a control loop that reads at the end of each hold.
 
-    If a reading is taken at the end of the hold, the command of the next sample is the first that can react to this
-    reading. `LinearModel.in_loop` does the same for a linear model.
+    The command of the next sample is then the first that can react to a reading. `LinearModel.in_loop` does the same
+    for a linear model.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ def linearise_along(
     rng : numpy.random.Generator
         Random generator for the samples.
     samples : int
-        Number of samples at each time.
+        Number of parameter samples at each time.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1.
 

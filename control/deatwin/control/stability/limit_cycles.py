@@ -35,7 +35,7 @@ class LimitCycle:
     Parameters
     ----------
     amplitude : float
-        Amplitude of the sine at the input of the nonlinearity, in its unit.
+        Amplitude of the sine at the input of the nonlinearity, in that input's unit.
     frequency_Hz : float
         Frequency, Hz.
     stable : bool
