@@ -42,7 +42,7 @@ class Plant:
     rig : Rig
         Rig, which gives kinematics, loads and reading.
     effects : tuple of Effect
-        Effects in any order, each at most once.
+        Effects in any order; an effect may occur only once.
     values : mapping of str to float
         Parameter values, SI, that replace those of rig and effects, for example after a calibration.
     stages : int

@@ -16,7 +16,7 @@ BEYOND = 1.01  # Ratio of a value just beyond the end of a range to that end
 
 
 class Scale(Enum):
-    """Coordinate that a fit uses for a parameter, chosen so that the response is nearly linear in this coordinate."""
+    """Transformation of a parameter in a fit: value, logarithm or reciprocal, so that the response is nearly linear."""
 
     LINEAR = "value"
     LOGARITHMIC = "ln(value)"
@@ -58,7 +58,7 @@ class Parameter:
     source : str
         Source of the value.
     scale : Scale
-        Coordinate in which a fit moves the value; all but the linear one need ``lower > 0``.
+        Transformation of the value in a fit; logarithm and reciprocal require ``lower > 0``.
     known : bool
         True if the experimenter measured the value, so that a calibration keeps it.
     widest : float, optional

@@ -69,7 +69,7 @@ HUANG_2012 = BreakdownLaw(
     source="Huang, Shian, Diebold, Suo & Clarke, Appl. Phys. Lett. 101 (2012) 122905, doi:10.1063/1.4754549: "
     "51 h^-0.25 lambda^0.63, films embedded in a stiff polymer; that h is in mm and the field in MV/m is inferred",
 )
-"""Breakdown of the film itself, because nothing thins or creases between stiff polymers."""
+"""Breakdown of the film itself: between stiff polymers, voltage cannot thin or crease the film."""
 
 KOFOD_2001 = BreakdownLaw(
     field=20e6,
