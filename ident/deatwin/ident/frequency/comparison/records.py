@@ -113,7 +113,8 @@ def compare_records(
     Raises
     ------
     ModelError
-        If there are fewer than two records or they are too short, or for the reasons given in `Fixed` and `band_means`.
+        If there are fewer than two records, they are too short or do not determine the parameters, or for the reasons
+        given in `compare`.
     """
     if not isinstance(recordings, Mapping) or len(recordings) < 2:
         raise ModelError("a comparison needs the recordings of at least two actuators, by their names")

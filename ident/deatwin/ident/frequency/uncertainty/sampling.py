@@ -63,7 +63,7 @@ class Sampled(Uncertain):
     response : FrequencyResponse
         Frequency response at the model's own parameters.
     level : float
-        Default probability of regions and bands.
+        Default probability of confidence regions and bands.
     dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     draws : ndarray of complex, shape (n_kept, n)
@@ -160,7 +160,7 @@ def sample(
     n_draws : int
         Number of draws, at least 2.
     level : float
-        Default probability of regions and bands.
+        Default probability of confidence regions and bands.
 
     Raises
     ------

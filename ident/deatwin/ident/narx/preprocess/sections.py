@@ -45,7 +45,7 @@ _FEWEST_SEGMENTS = 10  # with fewer segments, no order of them is improbable eno
 
 
 class SectionStatus(Enum):
-    """Reason why these sections of the recordings were chosen, in words."""
+    """Basis on which `choose_sections` chose the sections. The value of each member is a message for the user."""
 
     STATIONARY = "whole recordings pass the test of stationarity"
     PART = "only a part of the recordings passes the test; the table lists the excluded segments"
