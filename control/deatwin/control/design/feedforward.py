@@ -75,7 +75,7 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator with the delay of the loop (`LinearModel.in_loop`).
     band_Hz : float
         Upper end of the frequency band of the references, Hz; below half the sampling rate.
 

@@ -121,9 +121,10 @@ def _curve(
 def with_inverse(
     linear: LinearModel, curve: StaticCurve, design: Design, *, command_limits: Limits
 ) -> InverseController:
-    """Design a feedback controller in series with the inverse of a static curve, with the reference fed forward.
+    """Design a controller that compensates the static curve of the actuator by its inverse.
 
-    The feedback uses only the error; the inverse curve alone turns the reference into a command.
+    The controller adds a feedback of the error to the reference, and converts the sum to a command by the inverse
+    curve.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ def lambda_tuning(
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator with the delay of the loop (`LinearModel.in_loop`).
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float, optional

@@ -74,7 +74,7 @@ def loop_shaping(
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator with the delay of the loop (`LinearModel.in_loop`).
     command_limits : (float, float)
         Least and largest command, in its unit.
     crossover_Hz : float, optional

@@ -1,4 +1,4 @@
-"""Convert NARX models and plants to nonlinear systems of python-control, also as a controller in the loop sees them."""
+"""Convert NARX models and plants to nonlinear systems of python-control, also with the delay of a control loop."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ Array = NDArray[np.float64]
 def to_nlsys(source: object, /, name: str | None = None) -> NonlinearIOSystem:
     """Convert a model or a plant to a discrete nonlinear system of python-control, with its sampling time as ``dt``.
 
-    The states of a `NarxModel` are the past outputs and inputs in its terms, in their units; an input of lag 0 feeds
-    through, and the noise is zero. For a `Plant` a sample is one implicit step, and ``t`` is the experiment's clock.
-    Its states are the plant's states, as deviations from the rest at which experiments start, divided by their typical
-    sizes (``plant.equations.scale``), followed by past commands if the plant has a delay. The samples are those of a
-    recording: if the rig takes the reading at the end of the hold, the command of a sample feeds through to the reading
-    of the same sample. In this case, apply `in_loop` before you connect a controller.
+    - `NarxModel`: the states are the past outputs and inputs in its terms, in their units. An input of lag 0 feeds
+      through, and the noise is zero.
+    - `Plant`: the states are those of the plant, as deviations from the rest at which experiments start, divided by
+      their typical sizes (``plant.equations.scale``), then past commands if the plant has a delay. ``t`` is the time on
+      the experiment's clock, s. If the rig takes the reading at the end of the hold, the command feeds through to the
+      reading of the same sample; then apply `in_loop` before you connect a controller.
 
     Parameters
     ----------
@@ -78,7 +78,8 @@ def rest_state_of(source: object, /, operating_input: ArrayLike) -> Array:
     """Return the state of rest, under a constant input, of the system that `to_nlsys` makes.
 
     In the system of a plant, the zero state is the rest at which experiments start. From there the command moves to the
-    operating input, where the plant comes to rest; quantities that the start of an experiment fixes keep their values.
+    operating input, where the plant comes to rest. Quantities that refer to the first rest, such as the sensor's zero,
+    do not change.
 
     Parameters
     ----------
