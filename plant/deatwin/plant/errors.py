@@ -19,7 +19,7 @@ class DataError(DeatwinError, ValueError):
     text : str
         Message for the user.
     offers : ReadOptions
-        Options with which the file could be read; the text names these options too. None by default.
+        Options with which the file could be read, which the text names too; empty by default.
     """
 
     def __init__(self, text: str, offers: ReadOptions = NO_OPTIONS) -> None:
