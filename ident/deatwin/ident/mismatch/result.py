@@ -246,8 +246,8 @@ class VerificationSummary:
     shams : tuple of PlaceboSummary
         Results with placebo effects, one for each kind of placebo and each effect.
     transfer : tuple of TransferSummary
-        Residuals without and with the explanation on each held-out record, if there are several, and on each third of
-        the amplitudes.
+        Residuals without and with the explanation on each record, if there are several, and on blocks with small,
+        medium and large commands.
     constancy : tuple of ConstancySummary or None
         For each effect that is not an event, the change of its strength from the beginning to the end of the fitted
         data.

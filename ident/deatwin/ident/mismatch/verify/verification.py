@@ -49,8 +49,8 @@ class Verification(Described):
     shams : tuple of Placebo
         Results with placebo effects, one for each kind of placebo and each effect.
     transfers : tuple of Transfer
-        Residuals without and with the explanation on each held-out record, if there are several, and on each third of
-        the amplitudes.
+        Residuals without and with the explanation on each record, if there are several, and on blocks with small,
+        medium and large commands.
     constancies : tuple of Constancy
         For each effect that is not an event, the change of its strength from the beginning to the end of the fitted
         data.
