@@ -117,11 +117,11 @@ class FrequencyResponse(Described, Frozen):
     theta_cov : ndarray, shape (n_terms, n_terms)
         Covariance of the model's parameters.
     differentiate : callable
-        Function that returns the derivative of the values with respect to these parameters, complex, shape (n_values,
-        n_terms), including the shift of the equilibrium; a `Pointwise` is evaluated only at the points that are needed.
+        Function without arguments that returns the derivative of the values with respect to these parameters, complex,
+        shape (n_values, n_terms), including the shift of the equilibrium.
     evaluate : callable, optional
-        Function of parameters of shape (n_draws, n_terms) that returns the response for each draw, as an ``Evaluated``;
-        or a `Pointwise`.
+        Function of parameters, shape (n_draws, n_terms), that returns for each draw the values, and whether the
+        equilibrium exists and is stable. If it is omitted, the model is analysed again for each draw.
     theta_dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     inputs : tuple of str
