@@ -136,9 +136,9 @@ def check(
         If model and plants do not have the same signals and sampling time, or the operating input lies outside the
         training data.
     ControlError
-        If an argument has the wrong type, or the command limits make no sense; if the controller is invalid, has
-        another sampling time, or has so long a closed-loop time that the runs would take too long; if `design` returns
-        no controller, or the controller's `local` no law; or if either raises an exception that is not deatwin's (that
+        If an argument has the wrong type, or the command limits are invalid; if the controller is invalid, has another
+        sampling time, or has so long a closed-loop time that the runs would take too long; if `design` returns no
+        controller, or the controller's `local` no law; or if either raises an exception that is not deatwin's (that
         exception is chained).
     """
     if controller is not None:

@@ -118,8 +118,8 @@ def hinf(
     MissingPackageError
         If slycot is not installed.
     ControlError
-        If a bound makes no sense, or the bounds cannot be met (the text gives the largest bandwidth at which they can
-        be met).
+        If a bound is invalid, or the bounds cannot be met (the text gives the largest bandwidth at which they can be
+        met).
 
     References
     ----------

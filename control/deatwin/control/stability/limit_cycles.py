@@ -59,7 +59,7 @@ class LimitCycles(Described, Sequence[LimitCycle]):
     omega : ndarray, shape (n_omega,)
         Angular frequencies of the search, rad/s.
     loop : ndarray of complex, shape (n_omega,)
-        Loop response L at these frequencies.
+        Loop response L at these frequencies; its product with N is dimensionless.
     amplitudes : ndarray, shape (n_amplitudes,)
         Amplitudes of the search, in the unit of the nonlinearity's input.
     describing : ndarray of complex, shape (n_amplitudes,)
