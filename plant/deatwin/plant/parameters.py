@@ -54,7 +54,7 @@ class Parameter:
     unit : str
         SI unit, ``"1"`` for a pure number.
     lower, upper : float
-        Physical range, inclusive.
+        Physical range, inclusive, SI.
     source : str
         Source of the value.
     scale : Scale
@@ -62,8 +62,8 @@ class Parameter:
     known : bool
         True if the experimenter measured the value, so that a calibration keeps it.
     widest : float, optional
-        Largest size that physics allows, if the range contains only usual values. A value beyond `upper`, or beyond a
-        negative `lower`, then widens the range fourfold, repeatedly if necessary.
+        Largest magnitude that physics allows, SI, if `lower` and `upper` enclose only usual values. A value beyond
+        `upper`, or beyond a negative `lower`, then widens the range by a factor of four, repeatedly if necessary.
 
     Raises
     ------

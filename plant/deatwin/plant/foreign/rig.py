@@ -56,7 +56,7 @@ class ForeignRig(Rig):
     channels : tuple of tuple of str and float
         Further measured inputs: pairs of a name and the value that applies if a recording lacks it.
     rest_command : float
-        Command before the first sample.
+        Command before the first sample, in its unit.
     varying : tuple of str
         Parameters that may drift: with a `ParameterDrift` the model gets an array of shape (n,) in place of the number.
     step : float
