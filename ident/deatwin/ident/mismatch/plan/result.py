@@ -35,7 +35,7 @@ class Foreseen:
     unit : str
         SI unit of the strengths.
     typical : float
-        Typical strength.
+        Typical strength, in `unit`.
     change : float
         Rms change of the readings by the typical strength, in the plan's unit.
     smallest : float or None
