@@ -75,10 +75,9 @@ def compare_records(
 
     Every record is fitted with the same terms by least squares, and each pair is compared as in `compare`, with the
     scatter estimated from the records themselves. If the means of a pair differ, the responses at the different times
-    of both records are compared. The actuators differ if the response at no time of one record resembles the response
-    at any time of the other; otherwise drift may be the cause. Only a record that drifts significantly in some order
-    and band has responses at different times, because a drift that is too small to be detected cannot explain a
-    difference.
+    of both records are compared. If no response of one record resembles any response of the other, the actuators
+    differ; otherwise drift may be the cause. A record without significant drift is taken to have the same response at
+    all times, because a drift that is too small to be detected cannot explain a difference.
 
     Parameters
     ----------

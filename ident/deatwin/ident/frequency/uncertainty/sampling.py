@@ -67,7 +67,7 @@ class Sampled(Uncertain):
     dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     draws : ndarray of complex, shape (n_kept, n)
-        Response at draws of the parameters.
+        Response at draws of the parameters, in the response's unit.
     n_without : int
         Number of draws left out because they have no equilibrium.
     n_other : int

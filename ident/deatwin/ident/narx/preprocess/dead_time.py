@@ -180,7 +180,7 @@ def estimate_dead_time(
     Raises
     ------
     ModelError
-        If an argument makes no sense, or the recordings do not fit together.
+        If an argument is invalid, or the recordings do not fit together.
     """
     chosen = flatten(recordings)
     _require(chosen, output, max_dead_time, probability)

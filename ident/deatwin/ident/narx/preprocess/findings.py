@@ -107,7 +107,7 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
     Raises
     ------
     DataError
-        If a recording is too short, or the level makes no sense.
+        If a recording is too short, or the level is invalid.
     """
     if not 0.0 < level < 1.0:
         raise DataError(f"level = {level}; it must lie between 0 and 1")

@@ -229,7 +229,7 @@ def choose_sections(
     Raises
     ------
     DataError
-        If the segments are too few or too short, or a share makes no sense.
+        If the segments are too few or too short, or a share is not between 0 and 1.
     """
     if not 0.0 < level < 1.0 or not 0.0 < validation_share < 1.0:
         raise DataError(f"level = {level} and validation_share = {validation_share} must lie between 0 and 1")
