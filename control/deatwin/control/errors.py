@@ -6,8 +6,8 @@ from deatwin.plant.errors import DeatwinError
 
 
 class ControlError(DeatwinError, ValueError):
-    """Error in a controller or in a specification for one."""
+    """Error in a controller, in a specification, or in an argument of a function of `deatwin.control`."""
 
 
 class MissingPackageError(DeatwinError, ImportError):
-    """A design needs a package that is not installed. The error says nothing about the controller."""
+    """Raised if a design needs a package that is not installed."""

@@ -31,7 +31,7 @@ class Builder:
         Effects of the plant. Effects on the same signal act in the order of their attribute `order`, then of their
         names.
     stages : int
-        Number of stages of the implicit step over a sample.
+        Number of stages of the Radau IIA step over a sample.
     """
 
     def __init__(self, parameters: ParameterSet, effects: Sequence[Effect], stages: int = STAGES) -> None:

@@ -100,7 +100,7 @@ class CalibratedPlant(
     names : tuple of str
         Names of the n fitted parameters.
     covariance : ndarray, shape (n, n)
-        Covariance of the fitted coordinates, each in the `Scale` of its parameter.
+        Covariance of the fitted parameters, each transformed by its `Scale` (value, logarithm or reciprocal, SI).
     provenance : mapping of str to str
         Origin of the model: files, dates and the like.
     """

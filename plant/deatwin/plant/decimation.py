@@ -32,7 +32,7 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     factor : int
         Number of old samples per new sample, at least 1.
     reading : ReadingTime
-        Time within a sample at which the reading is taken. If the old samples are means, each new sample is the mean of
+        Time within a sample at which the reading is taken. With ``MEAN_OVER_HOLD``, each new sample is the mean of
         ``factor`` old ones in all signals. This is exact, needs no filter, and drops only the old samples at the end
         that are too few for a new one.
 

@@ -19,7 +19,7 @@ class DataError(DeatwinError, ValueError):
     text : str
         Message for the user.
     offers : ReadOptions
-        Options with which the file could be read; the text names these options too. None by default.
+        Options with which the file could be read, which the text names too; empty by default.
     """
 
     def __init__(self, text: str, offers: ReadOptions = NO_OPTIONS) -> None:
@@ -28,15 +28,15 @@ class DataError(DeatwinError, ValueError):
 
 
 class RigError(DeatwinError, ValueError):
-    """Error in a rig file or a plant description."""
+    """Error in a rig file, or in a rig, an effect or a parameter of a plant."""
 
 
 class ModelError(DeatwinError, ValueError):
-    """Error in a model file, or in samples from which no model can be made."""
+    """Error in a model or a model file, or in an argument of a function that makes or analyses models."""
 
 
 class SimulationError(DeatwinError, RuntimeError):
-    """Raised if a simulation cannot be finished, for example because of pull-in."""
+    """Raised if a simulation fails before its end, for example because of pull-in."""
 
 
 def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:

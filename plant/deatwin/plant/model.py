@@ -42,13 +42,13 @@ class Plant:
     rig : Rig
         Rig, which gives kinematics, loads and reading.
     effects : tuple of Effect
-        Effects in any order, each at most once.
+        Effects in any order; an effect may occur only once.
     values : mapping of str to float
         Parameter values, SI, that replace those of rig and effects, for example after a calibration.
     stages : int
-        Number s of stages of the implicit step over a sample, at least 1; the order of the step is 2 s - 1. With five
-        stages, the step reproduces the ringing of a mode at a third of the sampling rate to 0.001 % of its amplitude.
-        Not part of `to_dict`.
+        Number s of stages of the Radau IIA step over a sample, at least 1; its order is 2 s - 1. With five stages, the
+        step reproduces the ringing of a mode at a third of the sampling rate to 0.001 % of its amplitude. Not part of
+        `to_dict`.
 
     Raises
     ------

@@ -16,7 +16,7 @@ BEYOND = 1.01  # Ratio of a value just beyond the end of a range to that end
 
 
 class Scale(Enum):
-    """Coordinate that a fit uses for a parameter, chosen so that the response is nearly linear in this coordinate."""
+    """Transformation of a parameter in a fit: value, logarithm or reciprocal, so that the response is nearly linear."""
 
     LINEAR = "value"
     LOGARITHMIC = "ln(value)"
@@ -54,16 +54,16 @@ class Parameter:
     unit : str
         SI unit, ``"1"`` for a pure number.
     lower, upper : float
-        Physical range, inclusive.
+        Physical range, inclusive, SI.
     source : str
         Source of the value.
     scale : Scale
-        Coordinate in which a fit moves the value; all but the linear one need ``lower > 0``.
+        Transformation of the value in a fit; logarithm and reciprocal require ``lower > 0``.
     known : bool
         True if the experimenter measured the value, so that a calibration keeps it.
     widest : float, optional
-        Largest size that physics allows, if the range contains only usual values. A value beyond `upper`, or beyond a
-        negative `lower`, then widens the range fourfold, repeatedly if necessary.
+        Largest magnitude that physics allows, SI, if `lower` and `upper` enclose only usual values. A value beyond
+        `upper`, or beyond a negative `lower`, then widens the range by a factor of four, repeatedly if necessary.
 
     Raises
     ------

@@ -44,7 +44,7 @@ def load_plant(source: str | os.PathLike[str] | RigFile | ModelFile) -> Calibrat
     Returns
     -------
     CalibratedPlant
-        Plant of the source; nominal unless the source is a calibrated model.
+        Plant that the source describes. Its parameters count as exact unless the source is a calibrated model.
 
     Raises
     ------

@@ -95,8 +95,8 @@ def check(
     rng : numpy.random.Generator
         Random generator for the draws of the model and for the sensor noise.
     design : callable, optional
-        Function that designs a controller from the linear model, as the controller sees it (`LinearModel.in_loop`), and
-        from ``command_limits``; `lambda_tuning` by default.
+        Function called as ``design(linear, command_limits=(low, high))`` that returns a controller; `lambda_tuning` by
+        default. ``linear`` includes the delay of the loop (`LinearModel.in_loop`).
     controller : Controller, optional
         Existing controller to judge instead of designing one; the loop is then closed at its operating input.
     operating_input : float, optional
@@ -136,9 +136,9 @@ def check(
         If model and plants do not have the same signals and sampling time, or the operating input lies outside the
         training data.
     ControlError
-        If an argument has the wrong type, or the command limits make no sense; if the controller is invalid, has
-        another sampling time, or has so long a closed-loop time that the runs would take too long; if `design` returns
-        no controller, or the controller's `local` no law; or if either raises an exception that is not deatwin's (that
+        If an argument has the wrong type, or the command limits are invalid; if the controller is invalid, has another
+        sampling time, or has so long a closed-loop time that the runs would take too long; if `design` returns no
+        controller, or the controller's `local` no law; or if either raises an exception that is not deatwin's (that
         exception is chained).
     """
     if controller is not None:

@@ -25,7 +25,7 @@ _FOREIGN = 3.0
 """Largest residual of a recording, in units of the residual that the model states. A recording that leaves more is of
 another actuator, or in another unit."""
 
-Design = Callable[..., Controller]  # Takes the model as the controller sees it, and ``command_limits``
+Design = Callable[..., Controller]  # Takes the model with the loop's delay, and ``command_limits``
 
 SAME = 1e-9  # Difference below which operating inputs are equal, as a share of the range of the command
 

@@ -145,12 +145,12 @@ class Specification:
     inside : Limit
         Share of a run that lies inside the simultaneous band predicted by the model.
     limit_cycle : Limit
-        Amplitude of a predicted limit cycle that the loop sustains, as a share of a step.
+        Amplitude of a predicted stable limit cycle, as a share of a step.
     safe_region : Limit
         Amplitude of a predicted unstable limit cycle, as a share of a step; steps have to stay inside it.
     reserve : float
-        Part of the limits of overshoot, steady-state error, ripple and saturation that a check holds in reserve,
-        because the plant on which it tries the controller is not the actuator itself (our choice).
+        Share by which a check tightens the limits of overshoot, steady-state error, ripple and saturation, because it
+        tries the controller on a plant and not on the actuator itself (our choice).
 
     Raises
     ------

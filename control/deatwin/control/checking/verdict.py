@@ -33,7 +33,8 @@ class Finding:
     text : str
         Finding as one plain sentence.
     room : float or None
-        How far the value is inside its limit, from `Limit.room`; None if the quantity was not judged by a limit.
+        Distance from the value to its limit, as `Limit.room` measures it; None if the quantity was not judged by a
+        limit.
     """
 
     subject: str

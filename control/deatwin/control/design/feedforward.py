@@ -75,7 +75,7 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator with the delay of the loop (`LinearModel.in_loop`).
     band_Hz : float
         Upper end of the frequency band of the references, Hz; below half the sampling rate.
 
@@ -116,7 +116,7 @@ def with_dynamics(controller: InverseController, filter: InverseFilter) -> Inver
     Parameters
     ----------
     controller : InverseController
-        Controller that feeds the reference itself forward.
+        Controller that feeds the unfiltered reference forward.
     filter : InverseFilter
         Inverse filter of the model on which the controller was designed.
 

@@ -93,7 +93,7 @@ def hinf(
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator with the delay of the loop (`LinearModel.in_loop`).
     command_limits : (float, float)
         Least and largest command, in its unit.
     bandwidth_Hz : float
@@ -118,8 +118,8 @@ def hinf(
     MissingPackageError
         If slycot is not installed.
     ControlError
-        If a bound makes no sense, or the bounds cannot be met (the text gives the largest bandwidth at which they can
-        be met).
+        If a bound is invalid, or the bounds cannot be met (the text gives the largest bandwidth at which they can be
+        met).
 
     References
     ----------

@@ -51,8 +51,8 @@ def static_curve(system: Any, /, command_range: Limits, *, count: int = 33) -> S
     Raises
     ------
     ControlError
-        If the range is empty, the system is neither a model nor a plant or does not come to rest at one of the
-        commands, or the curve cannot be inverted; the text names the command.
+        If the range is empty, the system is neither a model nor a plant, or the curve cannot be inverted; or if the
+        system does not come to rest at a command, which the text names.
     """
     raise ControlError(f"a static curve needs a NarxModel or a Plant, not a {type(system).__name__}")
 
@@ -121,14 +121,15 @@ def _curve(
 def with_inverse(
     linear: LinearModel, curve: StaticCurve, design: Design, *, command_limits: Limits
 ) -> InverseController:
-    """Design a feedback controller in series with the inverse of a static curve, with the reference fed forward.
+    """Design a controller that compensates the static curve of the actuator by its inverse.
 
-    The feedback uses only the error; the inverse curve alone turns the reference into a command.
+    The controller adds a feedback of the error to the reference, and converts the sum to a command by the inverse
+    curve.
 
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator at the operating point, as the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator at the operating point, with the delay of the loop (`LinearModel.in_loop`).
     curve : StaticCurve
         Static curve of the actuator around the operating point.
     design : callable

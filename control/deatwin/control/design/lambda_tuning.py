@@ -74,17 +74,16 @@ def lambda_tuning(
     :math:`K_i = 1/(K(\lambda + \theta))` and the proportional gain :math:`K_p = T K_i`.
 
     - theta includes half a sample for the hold.
-    - K is the largest gain from 0 Hz to the crossover, because the gain may be larger in fast motion than at rest.
-    - A lag shorter than lambda is not cancelled but counted with the delay: :math:`K_p = 0`,
-      :math:`K_i = 1/(K(\lambda + \theta + T))`. Cancelling such a lag would gain little speed and raise the loop gain
-      at all higher frequencies, at which a dielectric elastomer actuator has the lightly damped mode of the mass that
-      it moves; a recording up to 1 Hz does not show this mode. A nearly static actuator therefore gets an integral
-      controller.
+    - K is the largest gain between 0 Hz and the crossover, because the gain may be larger in fast motion than at rest.
+    - A lag shorter than lambda is added to the delay instead of being cancelled: :math:`K_p = 0`,
+      :math:`K_i = 1/(K(\lambda + \theta + T))`. Cancelling it would gain little speed, but raise the loop gain at high
+      frequencies, where an actuator may have a lightly damped mode that the model lacks. A nearly static actuator
+      therefore gets an integral controller.
 
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator with the delay of the loop (`LinearModel.in_loop`).
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float, optional
@@ -138,8 +137,8 @@ def lambda_tuning_pid(
 ) -> LinearController:
     r"""Tune a sampled PID controller for a desired closed-loop time constant.
 
-    For a plant with the gain K, two lags :math:`T_1 \geq T_2` and the delay theta (`reduce_to_second_order`), and a
-    desired closed-loop time constant :math:`\lambda`, the controller is :math:`K_c (1 + 1/(T_I s)) (1 + T_2 s)` with
+    For a plant that is approximated by a gain K, two lags :math:`T_1 \geq T_2` and a delay theta, and for a desired
+    closed-loop time constant :math:`\lambda`, the controller is :math:`K_c (1 + 1/(T_I s)) (1 + T_2 s)` with
     :math:`K_c = T_1/(K(\lambda + \theta))` and :math:`T_I = \min(T_1, 4(\lambda + \theta))`, so that a disturbance at
     the input of a slow plant decays fast. The derivative acts on the reading alone, and the time constant of its filter
     is added to the delay. K is chosen as in `lambda_tuning`.
@@ -147,7 +146,7 @@ def lambda_tuning_pid(
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`), whose second lag is at least one
+        Model of the actuator with the delay of the loop (`LinearModel.in_loop`), whose second lag is at least one
         sampling time.
     command_limits : (float, float)
         Least and largest command, in its unit.

@@ -74,7 +74,7 @@ def loop_shaping(
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator with the delay of the loop (`LinearModel.in_loop`).
     command_limits : (float, float)
         Least and largest command, in its unit.
     crossover_Hz : float, optional
@@ -95,7 +95,7 @@ def loop_shaping(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If a bound makes no sense, or the bounds cannot be met at the crossover; the text gives the largest crossover at
+        If a bound is invalid, or the bounds cannot be met at the crossover; the text gives the largest crossover at
         which the bounds can be met.
 
     References

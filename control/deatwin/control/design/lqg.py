@@ -70,13 +70,13 @@ def lqg(
     change :math:`\Delta u` of the command from sample to sample. The weight :math:`\rho` is chosen so that the reading
     has completed 63 % of a reference step one closed-loop time after the delay. The observer is the stationary Kalman
     filter of the model for three disturbances: white noise on the reading, a random walk of the output, and white noise
-    on the command. The static effect of the noise on the command has the variance of one step of the walk. Because the
-    observer estimates the drift, the loop has no error at rest.
+    on the command. The noise on the command is so large that its static effect on the output has the variance of one
+    step of the walk. Because the observer estimates the drift, the loop has no error at rest.
 
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator with the delay of the loop (`LinearModel.in_loop`).
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float, optional

@@ -29,7 +29,7 @@ class PidGains:
     integral : float
         Integral gain K_i, input unit per output unit and per second.
     derivative : float
-        Derivative gain K_d, input unit per output unit, times second.
+        Derivative gain K_d, input unit times second per output unit.
     filter_time : float
         Time constant T_f of the derivative's filter, s.
 
@@ -58,7 +58,7 @@ class PidGains:
 
     @classmethod
     def of_law(cls, law: Law, sample_time: float) -> PidGains | None:
-        """Return the gains from which `law`, of `sample_time` in s, was made and perhaps scaled, or None."""
+        """Return the gains of a `law` that `PidGains.law` made at `sample_time`, s, even if scaled; None for others."""
         if law.c.size not in (1, 2) or law.a[0, 0] != 1.0 or not law.c[0]:
             return None
         step = float(law.b[0, REFERENCE] * law.c[0])

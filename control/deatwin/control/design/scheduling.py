@@ -25,7 +25,7 @@ def scheduled(
     Parameters
     ----------
     models : sequence of LinearModel
-        Two or more models at different operating inputs, as the controller sees them (`LinearModel.in_loop`).
+        Two or more models at different operating inputs, with the delay of the loop (`LinearModel.in_loop`).
     design : callable
         Function that designs a controller, with all settings but the limits fixed, such as
         ``partial(lambda_tuning, closed_loop_time=0.5)``. At all operating points it must return a PI controller, or at

@@ -35,7 +35,7 @@ def from_control(
     system : control.TransferFunction or control.StateSpace
         Discrete system with its sampling time in s; the result of ``control.zpk`` is a transfer function.
     operating_input, operating_output : float
-        Input and output at the zero of the system, in their units.
+        Operating point: input and output, in their units, at which the system's own input and output are zero.
     input_unit, output_unit : str
         Units of the signals.
 

@@ -105,12 +105,12 @@ class Frd(Described):
 def to_frd(
     response: FrequencyResponse, *, input_name: str = "input", output_name: str = "output", name: str = "response"
 ) -> Frd:
-    """Convert a linear frequency response of an identified model to a frequency response of python-control.
+    """Convert the frequency response H_1 of an identified model to a frequency response of python-control.
 
     Parameters
     ----------
     response : FrequencyResponse
-        First-order response, from `frf` or `gfrf` of order 1.
+        Response of order 1, from `gfrf`.
     input_name, output_name : str
         Names of input and output.
     name : str

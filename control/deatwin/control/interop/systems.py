@@ -1,4 +1,4 @@
-"""Convert NARX models and plants to nonlinear systems of python-control, also as a controller in the loop sees them."""
+"""Convert NARX models and plants to nonlinear systems of python-control, also with the delay of a control loop."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ Array = NDArray[np.float64]
 def to_nlsys(source: object, /, name: str | None = None) -> NonlinearIOSystem:
     """Convert a model or a plant to a discrete nonlinear system of python-control, with its sampling time as ``dt``.
 
-    The states of a `NarxModel` are the past outputs and inputs in its terms, in their units; an input of lag 0 feeds
-    through, and the noise is zero. For a `Plant` a sample is one implicit step, and ``t`` is the experiment's clock.
-    Its states are the plant's states, as deviations from the rest at which experiments start, divided by their typical
-    sizes (``plant.equations.scale``), followed by past commands if the plant has a delay. The samples are those of a
-    recording: if the rig takes the reading at the end of the hold, the command of a sample feeds through to the reading
-    of the same sample. In this case, connect a controller to `in_loop` of the system.
+    - `NarxModel`: the states are the past outputs and inputs in its terms, in their units. An input of lag 0 feeds
+      through, and the noise is zero.
+    - `Plant`: the states are those of the plant, as deviations from the rest at which experiments start, divided by
+      their typical sizes (``plant.equations.scale``), then past commands if the plant has a delay. ``t`` is the time on
+      the experiment's clock, s. If the rig takes the reading at the end of the hold, the command feeds through to the
+      reading of the same sample; then apply `in_loop` before you connect a controller.
 
     Parameters
     ----------
     source : NarxModel or Plant
-        Model or plant. Channels other than a plant's command keep the values that the rig assumes when they are not
-        measured.
+        Model or plant. Inputs of a plant other than the command, such as a temperature, keep the values that the rig
+        assumes when they are not measured.
     name : str, optional
         Name of the system; chosen by python-control by default.
 
@@ -77,8 +77,9 @@ def _(source: Plant, name: str | None = None) -> NonlinearIOSystem:
 def rest_state_of(source: object, /, operating_input: ArrayLike) -> Array:
     """Return the state of rest, under a constant input, of the system that `to_nlsys` makes.
 
-    The command of a plant moves from its value at the start to the operating input, at which the plant comes to rest;
-    quantities that are fixed since the start keep their values. The zero state is the rest at which experiments start.
+    In the system of a plant, the zero state is the rest at which experiments start. From there the command moves to the
+    operating input, where the plant comes to rest. Quantities that refer to the first rest, such as the sensor's zero,
+    do not change.
 
     Parameters
     ----------
@@ -121,10 +122,10 @@ def _(source: Plant, operating_input: ArrayLike) -> Array:
 
 @taking(name=instance(str))
 def in_loop(system: NonlinearIOSystem, name: str | None = None) -> NonlinearIOSystem:
-    """Delay the outputs of a system by one sample, as a controller sees them.
+    """Delay the outputs of a system by one sample, as in a control loop that reads at the end of each hold.
 
-    If a reading is taken at the end of the hold, the command of the next sample is the first that can react to this
-    reading. `LinearModel.in_loop` does the same for a linear model.
+    The command of the next sample is then the first that can react to a reading. `LinearModel.in_loop` does the same
+    for a linear model.
 
     Parameters
     ----------

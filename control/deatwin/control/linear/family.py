@@ -184,7 +184,7 @@ class LinearFamily:
         return _read_only(poles, np.complex128)
 
     def in_loop(self, reading: ReadingTime) -> LinearFamily:
-        """Return the models from the command to the readings, as a controller sees them.
+        """Return the models from the command to the readings, with the delay that a control loop has.
 
         Parameters
         ----------
@@ -245,7 +245,8 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     Parameters
     ----------
     model : NarxModel
-        Identified model. As with `linearise`, apply `LinearFamily.in_loop` to the result before designing a controller.
+        Identified model. As with `linearise`, apply `LinearFamily.in_loop` to the result before a controller is
+        designed.
     operating_inputs : array_like, shape (n_points,)
         Constant inputs, in their unit.
     thetas : array_like, shape (n_samples, n_terms), optional

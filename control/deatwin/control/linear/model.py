@@ -281,7 +281,7 @@ class LinearModel(Described):
         return np.asarray(lfilter(self.numerator, self.denominator, np.ones(count)), dtype=np.float64)
 
     def in_loop(self, reading: ReadingTime) -> LinearModel:
-        """Return the model from the command to the readings, as a controller sees it.
+        """Return the model from the command to the readings, with the delay that a control loop has.
 
         A row of a recording holds a command and a reading. If the reading is taken at the end of the hold, only the
         command of the next row can react to it, so that the loop has one sample more of delay than the rows show.

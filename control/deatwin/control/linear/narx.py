@@ -25,8 +25,8 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     Parameters
     ----------
     model : NarxModel
-        Identified model. The result counts samples as the rows of its recording do; apply `LinearModel.in_loop` to get
-        the model that a controller sees.
+        Identified model. Lag 0 of the result is the input in the same row of a recording as the output; apply
+        `LinearModel.in_loop` before a controller is designed.
     operating_input : float, optional
         Constant input, in its unit; the mean of the training inputs by default.
 

@@ -60,9 +60,9 @@ def linearise_plant(
     Returns
     -------
     LinearModel
-        Linear model, SI per unit of the command, without covariance. If the rig takes the reading at the end of the
-        hold, the model's numerator begins with lag 0; if at the start of the hold, the coefficient b_0 is 0. The
-        model's status says whether there is an equilibrium at which a controller can be designed.
+        Linear model without covariance; its coefficients b_i are in SI units of the reading per unit of the command.
+        b_0 is 0 if the rig takes the reading at the start of the hold. The model's status says whether there is an
+        equilibrium at which a controller can be designed.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: in
     Parameters
     ----------
     calibrated : CalibratedPlant
-        Calibrated plant with the covariance of its parameters' coordinates, each in its `Scale`.
+        Calibrated plant with the covariance of its parameters, each transformed by its `Scale`.
     rng : numpy.random.Generator
         Random generator for the draws.
     count : int
@@ -96,8 +96,8 @@ def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: in
     Returns
     -------
     tuple of Plant, length count
-        Plants whose parameters are drawn from the normal distribution and kept in their physical ranges; all identical
-        if there is no covariance.
+        Plants whose transformed parameters are drawn from the normal distribution and kept in their physical ranges;
+        all identical if there is no covariance.
     """
     plant = calibrated.plant
     problem = Problem(plant=plant, parts=(), names=calibrated.names)

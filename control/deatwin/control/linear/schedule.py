@@ -25,7 +25,7 @@ from deatwin.plant.model import Plant
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GainSchedule(FamilyBands):
-    """Static gain, modes and stability over operating points, each with a 95 % band from samples of the model.
+    """Static gain, modes and stability over operating points, with 95 % bands from samples of the model's parameters.
 
     `plot` draws the static gain, `plot_time_constants` the modes, and `plot_poles` the poles.
 

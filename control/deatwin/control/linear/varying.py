@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VaryingLinear(FamilyBands):
-    """Static gain, modes and stability over time, each with a 95 % band from samples of the model.
+    """Static gain, modes and stability over time, with 95 % bands from samples of the model's parameters.
 
     `plot` draws the static gain, `plot_time_constants` the modes, and `plot_poles` the poles.
 
@@ -77,7 +77,7 @@ def linearise_along(
     rng : numpy.random.Generator
         Random generator for the samples.
     samples : int
-        Number of samples at each time.
+        Number of parameter samples at each time.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1.
 

@@ -174,7 +174,7 @@ class ClosedLoop(Described):
         return axes
 
     def variables(self, dimension: str, before: str = "") -> Variables:
-        """Return the signals for `datasets.dataset` over the `dimension` of time; `before` begins all their names."""
+        """Return the signals for `datasets.dataset` along the time `dimension`; `before` is a prefix of their names."""
         units = {"command": self.input_unit}
         return {
             before + name: (dimension, getattr(self, name), units.get(name, self.output_unit)) for name in _SERIES[1:]

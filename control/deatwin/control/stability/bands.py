@@ -52,9 +52,9 @@ class UncertainMargin:
         First-order standard deviation: of the logarithm for gain and disk margin, in the margin's unit for phase and
         delay; 0 if nothing bounds the margin.
     low : float
-        Lower limit, which the margin exceeds with a probability of 97.5 % at a level of 95 %. Each crossing has a
-        first-order limit (for the gain margin, one of the loop gain), and the smallest of them counts. The limit is
-        never below the margin's value at the edge of stability: 1 for the gain margin, 0 for the others.
+        Lower confidence limit, to first order: at a level of 95 %, the margin exceeds it with a probability of 97.5 %.
+        If there are several crossings, the smallest of their limits. At least the value at the edge of stability, which
+        is 1 for the gain margin and 0 for the others.
     """
 
     value: float = field(metadata=variable(about="margin of the model itself"))
@@ -186,7 +186,7 @@ def band_margins(
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`), with its covariance.
+        Model of the actuator with the delay of the loop (`LinearModel.in_loop`) and with its covariance.
     feedback_numerator, feedback_denominator : array_like, shapes (n,) and (m,)
         Coefficients of z^0, z^-1, ... of the controller's feedback, input unit per output unit; taken as exact.
     level : float

@@ -35,7 +35,7 @@ class LimitCycle:
     Parameters
     ----------
     amplitude : float
-        Amplitude of the sine at the input of the nonlinearity, in its unit.
+        Amplitude of the sine at the input of the nonlinearity, in that input's unit.
     frequency_Hz : float
         Frequency, Hz.
     stable : bool
@@ -59,7 +59,7 @@ class LimitCycles(Described, Sequence[LimitCycle]):
     omega : ndarray, shape (n_omega,)
         Angular frequencies of the search, rad/s.
     loop : ndarray of complex, shape (n_omega,)
-        Loop response L at these frequencies.
+        Loop response L at these frequencies; its product with N is dimensionless.
     amplitudes : ndarray, shape (n_amplitudes,)
         Amplitudes of the search, in the unit of the nonlinearity's input.
     describing : ndarray of complex, shape (n_amplitudes,)

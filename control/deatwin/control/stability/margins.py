@@ -20,17 +20,18 @@ _POLE = 1e3  # Gain above which a loop whose denominator is rounding has a pole
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Margins:
-    """Margins of loops L, as `margins` returns them; each margin is zero if the closed loop is unstable.
+    """Margins of one or several loops L, as `margins` returns them; all are 0 if the closed loop is unstable.
 
     Parameters
     ----------
     gain : ndarray, shape (...)
-        Least factor by which the loop gain may grow or shrink before the closed loop becomes unstable, at least 1;
-        infinite without a phase crossing.
+        Gain margin, a factor above 1: the smallest one by which multiplying or dividing the loop gain makes the closed
+        loop unstable. Infinite without a phase crossing.
     phase_deg : ndarray, shape (...)
-        Least change of phase, in degrees, that brings a gain crossing to -180°; infinite without a crossing.
+        Phase margin, degrees: least change of phase that brings a gain crossing to -180°; infinite without a gain
+        crossing.
     delay : ndarray, shape (...)
-        Least additional delay that brings a gain crossing to -180°, s; infinite without a crossing.
+        Delay margin, s: least additional delay that brings a gain crossing to -180°; infinite without a gain crossing.
     crossover : ndarray, shape (...)
         Highest frequency at which the loop gain is one, rad/s; 0 without such a frequency.
     disk : ndarray, shape (...)

@@ -48,7 +48,7 @@ def gfrf(
         Model of one output.
     order : int
         Order n, from 1 to 8.
-    omega : array_like, shape (n,) for order 1, else (n, order)
+    omega : array_like, shape (n_values,) for order 1, else (n_values, order)
         Angular frequencies, rad/s, each between minus and plus half the sampling rate; see `frequency_grid`.
     inputs : sequence of str, length n, optional
         Name of the input that carries each tone, as ``["u1", "u2"]`` or by the model's own names; required if the model

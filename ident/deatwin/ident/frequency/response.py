@@ -62,9 +62,9 @@ class Band(Frozen):
     Parameters
     ----------
     level : float
-        Probability at each frequency.
+        Coverage probability at each frequency.
     low, high : ndarray, shape (n,)
-        Limits, in the response's unit.
+        Lower and upper limits, in the response's unit.
     linear_law : ndarray of bool, shape (n,)
         True if the gain is far enough from zero for the first-order (linear) propagation to hold.
     """
@@ -104,9 +104,9 @@ class FrequencyResponse(Described, Frozen):
         Symbol "H", "G" or "Y".
     order : int
         Order n; 0 for the sum of all orders.
-    values : ndarray of complex, shape (n,)
+    values : ndarray of complex, shape (n_values,)
         Complex values, in ``unit``.
-    omega : ndarray, shape (n,), or (n, order) for H_n of order 2 and more
+    omega : ndarray, shape (n_values,), or (n_values, order) for H_n of order 2 and more
         Angular frequencies, rad/s.
     point : Equilibrium
         Operating point.
@@ -117,11 +117,11 @@ class FrequencyResponse(Described, Frozen):
     theta_cov : ndarray, shape (n_terms, n_terms)
         Covariance of the model's parameters.
     differentiate : callable
-        Function that returns the derivative of the values with respect to these parameters, complex, shape (n,
-        n_terms), including the shift of the equilibrium; a `Pointwise` is evaluated only at the points that are needed.
+        Function without arguments that returns the derivative of the values with respect to these parameters, complex,
+        shape (n_values, n_terms), including the shift of the equilibrium.
     evaluate : callable, optional
-        Function of parameters of shape (n_draws, n_terms) that returns the response for each draw, as an ``Evaluated``;
-        or a `Pointwise`.
+        Function of parameters, shape (n_draws, n_terms), that returns for each draw the values, and whether the
+        equilibrium exists and is stable. If it is omitted, the model is analysed again for each draw.
     theta_dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     inputs : tuple of str
@@ -152,14 +152,14 @@ class FrequencyResponse(Described, Frozen):
 
     @cached_property
     def gradient(self) -> Complex:
-        """Derivative with respect to the model's parameters, complex, shape (n, n_terms); computed on first use."""
+        """Derivative with respect to the model's parameters, complex, shape (n_values, n_terms); computed on first use."""
         gradient = self.differentiate()
         gradient.setflags(write=False)
         return gradient
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of real and imaginary part, shape (n, 2, 2), to first order."""
+        """Covariance of real and imaginary part, shape (n_values, 2, 2), to first order."""
         parts = np.stack([self.gradient.real, self.gradient.imag], axis=1)
         return read_only(parts @ self.theta_cov @ parts.swapaxes(1, 2))
 
@@ -191,12 +191,12 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def gain(self) -> Array:
-        """Magnitude, shape (n,)."""
+        """Magnitude, shape (n_values,)."""
         return np.asarray(np.abs(self.values), dtype=np.float64)
 
     @property
     def phase_deg(self) -> Array:
-        """Phase, degrees, shape (n,); unwrapped along the frequencies if each value has a single frequency."""
+        """Phase, degrees, shape (n_values,); unwrapped along the frequencies if each value has a single frequency."""
         phase = np.angle(self.values)
         if self.omega.ndim == 1:
             known = np.isfinite(phase)
@@ -205,12 +205,12 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def gain_deviation(self) -> Array:
-        """Standard deviation of the gain, shape (n,): that of the ellipse in the direction of the value."""
+        """Standard deviation of the gain, shape (n_values,): that of the ellipse in the direction of the value."""
         return self._deviation(self._direction)
 
     @property
     def phase_deviation_deg(self) -> Array:
-        """Standard deviation of the phase, degrees, shape (n,): that perpendicular to the value, divided by the gain.
+        """Standard deviation of the phase, degrees, shape (n_values,): perpendicular to the value, divided by the gain.
 
         It holds to first order, like that of the gain; it is infinite if the gain is zero and uncertain.
         """
@@ -247,7 +247,7 @@ class FrequencyResponse(Described, Frozen):
         Parameters
         ----------
         level : float
-            Probability at each frequency, between 0 and 1.
+            Coverage probability at each frequency, between 0 and 1.
 
         Raises
         ------

@@ -53,12 +53,12 @@ class Calibration(Described):
     names : tuple of str
         Names of the fitted parameters.
     covariance : ndarray, shape (n, n)
-        Covariance of the fitted coordinates, each in its parameter's `Scale`.
+        Covariance of the fitted parameters, each transformed by its `Scale` (value, logarithm or reciprocal, SI).
     residuals : ndarray, shape (m,)
         Measured minus simulated readings at the samples used, SI. The residuals of further readings follow those of the
         first reading; they are scaled to the noise level of the first reading.
     jacobian : ndarray, shape (m, n)
-        Derivative of the simulated readings with respect to the fitted coordinates, SI.
+        Derivative of the simulated readings with respect to these transformed parameters, SI.
     status : FitStatus
         Outcome of the fit.
     at_bound : tuple of str
@@ -72,8 +72,8 @@ class Calibration(Described):
     equals : tuple of tuple of float
         Other values of the fitted parameters, in the order of `names`, SI, at which fits ended with the same error.
     reach : tuple of tuple of float
-        Smallest and largest value of each fitted parameter, SI, at which the error is hardly larger. Empty unless the
-        error rises less than the covariance predicts.
+        Range of each fitted parameter, SI, within the joint 95 % limit of the squared residual, found by refits. Empty
+        if the residual rises as the covariance predicts.
     fault : str
         Reason why the plant cannot be simulated at its starting values; empty if it can.
     """
@@ -188,7 +188,8 @@ class Calibration(Described):
         name : str
             Name of a fitted parameter.
         deviations : float
-            Half width in standard deviations of the fitted coordinate; 95 % by default.
+            Half width in standard deviations of the transformed parameter (`Scale`); by default that of a 95 %
+            interval.
 
         Returns
         -------
@@ -236,9 +237,9 @@ def calibrate(
     """Fit a plant's free parameters to recordings by output error.
 
     The plant is simulated from its state of rest; a trust-region Gauss-Newton method with exact derivatives minimises
-    the squared difference between measured and simulated readings inside the physical ranges. The times of events are
-    not changed, because only one or two samples depend on a time; the times still count as fitted parameters and have a
-    variance.
+    the squared difference between measured and simulated readings inside the physical ranges. The times of events, such
+    as a jump, are kept, because a small change of such a time changes only one or two samples. They still count as
+    fitted parameters and get a variance.
 
     Because a descent ends in the nearest minimum, further fits follow, each on growing initial parts of the record: the
     first from the same values, the others from a low-discrepancy sequence of points in the parameters' ranges, which is
@@ -266,7 +267,7 @@ def calibrate(
         Relative change of the squared residual at which the fit has settled. By default the fit continues until it is
         within a tenth of a standard error of its minimum, which requires smaller changes if the record is long.
     hopeless : float
-        Rms residual, SI; a fit is abandoned if its linearised minimum stays above this value.
+        Rms residual, SI: a fit is abandoned if the minimum of its linearised residual is larger.
     progress : callable, optional
         Called after each simulation with the share done, between 0 and 1, and a description of the current step.
 

@@ -29,8 +29,8 @@ class Part:
     reading : str
         Name of the reading to fit; the first one if empty.
     weight : float
-        Factor by which the reading and its residuals are multiplied, so that in `measured` the noise of a further
-        reading is as large as that of the first reading.
+        Factor of the reading and its residuals. It makes the noise of a further reading as large as that of the first
+        reading.
     levels : tuple of ndarray of float, optional
         Level of the noise at each sample of each recording, relative to the usual level; the same everywhere by
         default. Residuals are divided by this level, so that their noise is the same everywhere.

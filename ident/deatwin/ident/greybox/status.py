@@ -27,5 +27,5 @@ class FitStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """True if the search was completed and its result passed all checks."""
+        """False only if the plant cannot be simulated, so that there is no fit."""
         return self is not FitStatus.IMPOSSIBLE

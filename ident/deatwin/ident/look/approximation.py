@@ -37,9 +37,9 @@ class BestLinearApproximation(Frozen):
     response : ndarray of complex, shape (n_lines,)
         Best linear approximation, output unit per input unit.
     variance : ndarray, shape (n_lines,)
-        Variance of `response` G, E|G - E G|^2, due to noise and distortion.
+        Variance E|G - E G|^2 of the response G due to noise and distortion, in the square of its unit.
     noise_variance : ndarray, shape (n_lines,)
-        Part of `variance` that is due to noise; more periods would reduce it.
+        Part of `variance` that is due to noise, in the same unit; more periods would reduce it.
     dof : float
         Degrees of freedom of `variance`.
     complete : bool
@@ -47,14 +47,14 @@ class BestLinearApproximation(Frozen):
     all_frequencies : ndarray, shape (n_all,)
         All lines of a period between 0 and half the sampling rate, Hz.
     excited, odd : ndarray of bool, shape (n_all,)
-        True for excited lines, and for odd harmonics of the period.
+        Two masks: the excited lines, and the odd harmonics of the period.
     output : ndarray, shape (n_all,)
-        Amplitude of the output, rms over the realisations.
+        Amplitude of the output, rms over the realisations, output unit.
     noise : ndarray, shape (n_all,)
-        Standard deviation of the output's mean over the periods of one realisation.
+        Standard deviation of the output's mean over the periods of one realisation, output unit.
     distortion_variance : ndarray, shape (n_all,)
-        Power of the nonlinear distortion. The estimate is unbiased, so it may be negative if there is no distortion;
-        NaN if it cannot be determined.
+        Squared amplitude of the nonlinear distortion, square of the output unit. The estimate is unbiased, so it may be
+        negative if there is no distortion; NaN if it cannot be determined.
     distortion_low : ndarray, shape (3,)
         Lower 95 % bounds of the rms over time of the even, the odd and all distortion, output unit; 0 where noise alone
         explains it, NaN where it cannot be determined.

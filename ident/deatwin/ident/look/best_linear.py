@@ -63,8 +63,8 @@ def best_linear_approximation(
     channel, output : int
         Indices of the input and the output, from 0. No other input may change.
     skip : int, optional
-        Number of periods at the start of each recording to leave out; by default the periods in which the output still
-        settles; this default needs three periods or more.
+        Number of periods at the start of each recording to leave out. By default those in which the output still
+        settles, which can be found only if there are at least three periods.
 
     Raises
     ------

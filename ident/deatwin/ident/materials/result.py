@@ -48,8 +48,8 @@ class CalibratedMaterial:
         Parameters of the energy, then modulus and time of each branch from the fastest on: ``name``, ``value``,
         ``low``, ``high``, ``unit``.
     covariance : ndarray, shape (k, k)
-        Covariance of the fit's coordinates: those of the energy's parameters, the logarithms of all moduli, and the
-        logarithms of all times.
+        Covariance of the transformed parameters: those of the energy (`Scale`), then the logarithms of all moduli and
+        of all times.
     noise : Noise
         Errors of the tests: ``absolute`` in Pa and ``relative``, of stresses and of moduli, and the ``scatter`` of
         specimens.

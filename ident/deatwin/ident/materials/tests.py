@@ -29,7 +29,7 @@ class MaterialTest:
         Name in reports, such as the name of the file.
     kind : str
         ``"tension"``, ``"relaxation"`` or ``"cycles"`` of a strip with free sides, ``"equibiaxial"``, ``"pure shear"``
-        (a wide strip, which keeps its width), or ``"dma"``.
+        (a wide strip, which keeps its width), or ``"dma"`` (dynamic mechanical analysis).
     specimen : str
         Name of the specimen; tests of one specimen share its deviation from other specimens. By default the test's
         name.

@@ -131,7 +131,7 @@ class Diagnosis(Described):
     sentence : str
         Conclusion in plain words; each number in it is a field of the file.
     fit : FitSummary
-        Rms residuals before and after, on fitted and on held-out data.
+        Rms residuals of the base plant and of the amended plant, on fitted and on held-out data.
     verification : VerificationSummary or None
         Tests of the best explanation: ablation, placebo effects, transfer, constancy; None if there is no explanation.
     faults : tuple of Fault

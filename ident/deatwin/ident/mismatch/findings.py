@@ -52,7 +52,7 @@ class Findings:
     answer : Candidate
         Best explanation, or the base plant.
     final : Calibration
-        Answer, calibrated on all sound samples.
+        Answer, calibrated on all samples without a fault.
     left : Location or None
         Location of the mismatch that a partial answer leaves.
     elsewhere : tuple of Candidate

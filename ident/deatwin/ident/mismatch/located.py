@@ -105,11 +105,12 @@ class Unexplained:
     Parameters
     ----------
     rms, mismatch : float
-        Rms residual beyond the sensor noise over all readings, with and without the causes.
+        Rms residual beyond the sensor noise over all readings, with and without the causes, in the unit of the
+        diagnosis.
     share : float
         Share of the mismatch's power that remains.
     fitted, unseen : float
-        Rms residual beyond the noise with the causes, on fitted and on held-out data.
+        Rms residual beyond the noise with the causes, on fitted and on held-out data, in the unit of the diagnosis.
     time : Window or None
         Stretch of time that contains most of the remaining mismatch; None if the remaining mismatch is evenly spread.
     frequency : Band or None

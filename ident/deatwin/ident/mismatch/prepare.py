@@ -40,7 +40,7 @@ def prepare(
     checked : DataQuality
         Recordings as `check_quality` returned them.
     effects : sequence of Effect, optional
-        Effects that may be missing; by default all that the rig offers, at the sizes of the rig. Effects that the rig
+        Effects that may be missing; by default all that the rig offers, scaled as in `diagnose`. Effects that the rig
         does not accept are skipped.
     jobs : int
         Number of worker processes; -1 takes all cores.

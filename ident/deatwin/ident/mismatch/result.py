@@ -123,7 +123,7 @@ class OriginSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionSummary:
-    """Summary of the test for missing physics, and of the smallest detectable effects.
+    """Summary of the test for missing physics and of the smallest detectable effects, in the unit of the diagnosis.
 
     Parameters
     ----------
@@ -140,7 +140,8 @@ class DetectionSummary:
     smallest_detectable : mapping of str to float or None
         Rms change of the readings at which each effect is detected; None if a refit of the parameters absorbs it.
     statistics : tuple of Statistic or None
-        Statistics, one for each group.
+        One result for each group of statistics: variance ratio, cumulative periodogram, correlation with the command,
+        correlation of the squared residual.
     noise_source : str or None
         Source of the noise estimate.
     repeatability : RepeatabilitySummary or None
@@ -236,7 +237,7 @@ class VerificationSummary:
     failures : tuple of str
         Failed tests, each in a clause.
     gain_low : float
-        Lower 95 % bound of the decrease of the rms on held-out data.
+        Lower 95 % bound of the decrease of the rms residual on held-out data, in the unit of the diagnosis.
     counts : bool or None
         True if the error certainly decreases over all data and, on held-out data, decreases by more than the model
         error and by most of the excess over noise.
@@ -245,9 +246,11 @@ class VerificationSummary:
     shams : tuple of PlaceboSummary
         Results with placebo effects, one for each kind of placebo and each effect.
     transfer : tuple of TransferSummary
-        Results for each record, if there are several, and for each third of the amplitudes.
+        Residuals without and with the explanation on each record, if there are several, and on blocks with small,
+        medium and large commands.
     constancy : tuple of ConstancySummary or None
-        Test of constancy for each effect that is not an event.
+        For each effect that is not an event, the change of its strength from the beginning to the end of the fitted
+        data.
     """
 
     holds: bool
@@ -282,7 +285,7 @@ class AdviceSummary:
     measure : str or None
         Signal that would distinguish the explanations that the input cannot.
     undecided : tuple of str or None
-        Explanations that the input cannot distinguish from another explanation.
+        Explanations that the input cannot distinguish from at least one other explanation.
     log_odds : float or None
         Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after an
         experiment with the best waveform but without a further reading.
@@ -335,9 +338,9 @@ class FreeFormSummary:
     terms : tuple of TermSummary
         Terms, the one with the largest contribution first; SI.
     before, after : float
-        Rms error on held-out data, without and with the free form.
+        Rms error on held-out data, without and with the free form, in the unit of the diagnosis.
     gain_low : float or None
-        Lower 95 % bound of the decrease of this rms error on held-out data.
+        Lower 95 % bound of the decrease of this error, in the unit of the diagnosis.
     """
 
     place: str

@@ -174,7 +174,7 @@ class CandidateSummary:
     fitted, unseen : float
         Rms residuals on fitted and on held-out data, SI.
     d2 : float or None
-        Squared distance d² from the chosen explanation on these recordings; None if it was not computed.
+        Squared distance d² from the chosen explanation for these recordings (`Distance`); None if it was not computed.
     """
 
     effects: tuple[str, ...]

@@ -68,7 +68,7 @@ def assessed(
     model : NarxModel
         Fitted model with one output.
     recordings : Recording, Experiment, or several
-        All recordings made for the model, including the held-out parts.
+        All recordings of the plant, both those used for the fit and the held-out parts.
     held_out : Recording, Experiment, or several
         The parts that were not used for the fit; see `hold_out`.
     reliance : Reliance, optional

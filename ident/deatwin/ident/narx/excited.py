@@ -138,7 +138,8 @@ def excitation(recording: Recording) -> Excitation:
     """Find the frequency bands up to `excited_band` in which a recording's input has power.
 
     A spectral line counts as excited if it has more than a thousandth of the power that each line would have in an even
-    spectrum. An excited line covers a sixth of an octave, or a tenth of the whole band, on either side.
+    spectrum. An excited line covers a sixth of an octave or a tenth of the whole band, whichever is wider, on either
+    side.
 
     Parameters
     ----------

@@ -56,8 +56,8 @@ class Grow(CandidateSearch):
         Share of each recording, at its end, that chooses the number of terms.
     parts : int
         Number of parts into which each recording is cut. A structure is grown on each part and refined on all
-        recordings; the structure with the smallest free-run error on all recordings is kept. Several structures thus
-        take no more time than one.
+        recordings; the one with the smallest free-run error on all recordings is kept. Because the parts are shorter,
+        several structures take no more time than one.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Grow(CandidateSearch):
         The identified model, in physical units. ``theta_cov`` is that of an output-error estimate whose free-run error
         may be correlated in time: ``(S'S)^-1 S'RS (S'S)^-1`` with the sensitivities S of the free run and the
         covariance R of its error, from an autoregressive model. It does not include the uncertainty of the choice of
-        terms. After an interrupt, ``theta_cov`` is that of `refine`.
+        terms. After Ctrl-C, the error is assumed to be white, as in `refine`.
     terms_ : tuple of Term
         Terms of the model.
     status_ : FitStatus

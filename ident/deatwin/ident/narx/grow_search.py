@@ -42,7 +42,8 @@ class GrowStep:
     error : float
         Root mean square of the free-run error on the samples on which the structure was grown, in the output's unit.
     held_out_error : float
-        Root mean square of the free-run error on the held-out samples; infinite if the run diverges.
+        Root mean square of the free-run error on the held-out samples, in the output's unit; infinite if the run
+        diverges.
     """
 
     added: tuple[Term, ...]

@@ -210,7 +210,7 @@ class NarxIdentifier(Identifier, ABC):
         Raises
         ------
         ModelError
-            If an argument makes no sense, or the recordings do not suit the estimator.
+            If an argument is invalid, or the recordings do not suit the estimator.
         """
         require_no_target(y)
         self._check()

@@ -49,7 +49,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
     Parameters
     ----------
     terms : tuple of Term
-        Terms of all equations; each prints as in the literature.
+        Terms of all equations; each prints like ``y(k-1)u(k-2)^2``.
     theta : ndarray, shape (n_terms,)
         Parameters in the units that follow from the signals.
     theta_cov : ndarray, shape (n_terms, n_terms)

@@ -95,7 +95,8 @@ class ThetaPosterior:
         rng : numpy.random.Generator
             Random generator for the draws.
         **options
-            Options ``recording``, ``n_chains`` and ``n_draws`` of that function.
+            ``recording``, whose one-step predictions are added; ``n_chains``, 4 by default; and ``n_draws`` for each
+            chain, 500 by default.
 
         Returns
         -------

@@ -38,7 +38,7 @@ class PruningStep(Described):
     threshold : float
         Terms whose relevance does not exceed this threshold are pruned next.
     bounds : tuple of float
-        Variational lower bound after each update.
+        Variational lower bound after each update, nats.
     """
 
     terms: tuple[Term, ...]

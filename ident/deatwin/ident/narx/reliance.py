@@ -172,7 +172,7 @@ _MEANING = {
 
 
 def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Reliance:
-    """Assess a model on held-out recordings.
+    """Assess on held-out recordings whether a model can be relied on.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ class Residual:
     Raises
     ------
     ModelError
-        If a value is not finite, the rms is negative, or the time is not positive.
+        If a value is not finite, the rms is negative, or the correlation time is not positive.
     """
 
     rms: float

@@ -50,15 +50,15 @@ class Semp(CandidateSearch):
     exchanged for a candidate that improves the free run, or that lowers the one-step error without worsening the free
     run. The search also continues once from another model, because adding single terms cannot always find a resonance,
     for example: from the model of a forward regression (`Frols`) with the smallest simulation error, if that error is
-    below the error of the present model. The result is the model of the last step. But if its free run is far off in
-    only a few sections, which a test over sections cannot detect, the result is the last model whose mean squared error
-    is at most twice the smallest.
+    below the error of the present model. The result is the model of the last step. A test over sections cannot detect
+    an error that is large in only a few sections. If the mean squared error of the last model is more than twice the
+    smallest one, the result is therefore the last model for which it is not.
 
     Least squares and the F test are valid for white one-step errors. If these are not white, for example because of
     noise on the readings, the model is extended (single output only, and not with ``max_exchanges=0``): its parameters
-    are refined to the smallest free-run error, and terms are added by that error up to ``max_terms``. Of the
-    models on this path, the first one is chosen for which neither it nor any later model is significantly worse than
-    the best on held-out sections.
+    are refined to the smallest free-run error, and terms are added by that error up to ``max_terms``. The result is the
+    first model on this path such that it and all later models are not significantly worse than the best one on held-out
+    sections.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class Term:
     Parameters
     ----------
     factors : tuple of (Variable, int)
-        Variables in writing order, each with its power (at least 1); empty for the constant.
+        Variables in the order in which they are written, each with its power (at least 1); empty for the constant term.
     """
 
     factors: tuple[tuple[Variable, int], ...]

@@ -53,7 +53,7 @@ class Cascade(StateSpaceIdentifier):
         Terms of the static functions, besides the signal v (scaled to an rms value of about one) and a constant: powers
         ``"v^2"``, or functions such as ``"|v|"``, ``"sat(v,1)"`` and, for splines, ``"hinge(v,0.5)"``.
     feedthrough : bool
-        True if the last linear block has direct feedthrough, so that it acts within the sample.
+        True if the last linear block has direct feedthrough: its output depends on its input in the same sample.
     held_out : float
         Share of each recording, at its end, that is held out: the search stops when the error on this part no longer
         falls. With 0, all samples are fitted.
@@ -65,11 +65,11 @@ class Cascade(StateSpaceIdentifier):
     model_ : NonlinearStateSpace
         The identified model, whose directions are the signals between the blocks.
     status_ : FitStatus
-        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``INTERRUPTED`` after
-        Ctrl-C. Otherwise ``HELD_OUT`` if the held-out error ended the first search, and ``NOT_CONVERGED`` if a search
+        Outcome. ``DONE``: the gradient over all samples is small. ``INTERRUPTED``: Ctrl-C. ``HELD_OUT``: the held-out
+        error stopped falling, so the model was deliberately not fitted to the minimum. ``NOT_CONVERGED``: a search
         reached `max_steps` or could not lower the error further.
     linear_error_, error_, held_out_error_ : ndarray, shape (1,)
-        Errors, defined as in `Pnlss`.
+        Root mean squares of the free-run error, defined as in `Pnlss`, in the output's unit.
     first_states_ : ndarray, shape (n_recordings, n_states)
         State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
 

@@ -37,12 +37,13 @@ class StateSpaceIdentifier(Identifier):
     model_ : NonlinearStateSpace
         The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
     status_ : FitStatus
-        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``INTERRUPTED`` after
-        Ctrl-C. Otherwise ``HELD_OUT`` if the held-out error ended the first search, and ``NOT_CONVERGED`` if a search
+        Outcome. ``DONE``: the gradient over all samples is small. ``INTERRUPTED``: Ctrl-C. ``HELD_OUT``: the held-out
+        error stopped falling, so the model was deliberately not fitted to the minimum. ``NOT_CONVERGED``: a search
         reached its largest number of steps or could not lower the error further.
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
-        Root mean square of the free-run error, in the outputs' units: of the linear start and of the final model on all
-        samples, and of the model at the end of the search on the held-out samples (NaN without held-out samples).
+        Root mean squares of the free-run error, in the outputs' units. ``linear_error_`` is that of the initial linear
+        model on all samples, ``error_`` that of the final model on all samples, and ``held_out_error_`` that of the
+        model after the first search on the held-out samples (NaN if there are none).
     first_states_ : ndarray, shape (n_recordings, n_states)
         State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
     """

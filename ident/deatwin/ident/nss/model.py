@@ -38,29 +38,30 @@ root of their number."""
 class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fields_of):
     """Nonlinear state space x(k+1) = W phi(k), y(k) = V phi(k) + e(k).
 
-    x are the states, y the outputs, e the noise of the readings. phi contains 1, the states, the inputs, and terms:
-    products of powers and functions of states x1, x2, ..., inputs u (or u1, u2, ...) and directions s1, s2, ..., which
-    are weighted sums s = P phi. A direction may use the constant, states, inputs, terms and earlier directions, but no
-    later directions. Inputs and outputs are scaled: a signal minus its origin, divided by its scale. On the training
-    data, the states have an rms value of about one.
+    x are the states, y the outputs, e the noise of the readings. The n_regressors entries of phi are 1, the states, the
+    inputs, and terms: products of powers and functions of states x1, x2, ..., inputs u (or u1, u2, ...) and directions
+    s1, s2, ..., which are weighted sums s = P phi. A direction may use the constant, states, inputs, terms and earlier
+    directions, but no later directions. Inputs and outputs are scaled: a signal minus its origin, divided by its scale.
+    On the training data, the states have an rms value of about one.
 
     Parameters
     ----------
     terms : sequence of str
         Nonlinear terms, as ``"x1^2 u"``, ``"|x2|"`` or ``"tanh(s1,1)"``.
     transition : array_like, shape (n_states, n_regressors)
-        W; columns are the weights of 1, states, inputs and terms.
+        Matrix W; its columns are the weights of 1, the states, the inputs and the terms.
     output : array_like, shape (n_outputs, n_regressors)
         Matrix V.
     directions : array_like, shape (n_directions, n_regressors), optional
-        P; no directions if omitted.
+        Matrix P; no directions if omitted.
     sample_time : float
         Sampling interval in s.
     free_directions, free_transition, free_output : array_like of bool, optional
         Weights that were estimated, in the shapes of P, W and V; all of them if omitted.
     theta_cov : array_like, shape (n_theta, n_theta), optional
         Covariance of the free weights of P, W and V, row by row; zero if omitted. It is valid if the errors of the free
-        run are white. Changes of state coordinates leave the outputs unchanged and get zero variance.
+        run are white. Combinations of weights that only transform the states, and so do not change the outputs, have
+        zero variance.
     noise_variance : array_like, shape (n_outputs,), optional
         Variance of the readings' noise e, squares of the outputs' units; zero if omitted.
     input_names, output_names, input_units, output_units : sequence of str, optional

@@ -19,7 +19,7 @@ from deatwin.plant.recording import Recording
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Pnlss(StateSpaceIdentifier):
-    """Estimator of polynomial nonlinear state spaces by the free-run error; terms may be functions, too.
+    """Estimator of polynomial nonlinear state spaces that minimises the free-run error; terms may be functions, too.
 
     The search starts from a linear state space. Subspace identification finds it from the best linear approximation if
     the input is periodic, otherwise from the samples. Its weights are then refined by the free-run error. The states
@@ -51,7 +51,7 @@ class Pnlss(StateSpaceIdentifier):
     starts : int
         Number of random starts of the directions; the start with the smallest held-out error is kept.
     feedthrough : bool
-        True if inputs act on the output within the sample.
+        True if the outputs depend on the inputs in the same sample.
     held_out : float
         Share of each recording, at its end, that is held out: the search stops when the error on this part no longer
         falls. With 0, all samples are fitted.
@@ -65,12 +65,13 @@ class Pnlss(StateSpaceIdentifier):
     model_ : NonlinearStateSpace
         The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
     status_ : FitStatus
-        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``INTERRUPTED`` after
-        Ctrl-C. Otherwise ``HELD_OUT`` if the held-out error ended the first search, and ``NOT_CONVERGED`` if a search
+        Outcome. ``DONE``: the gradient over all samples is small. ``INTERRUPTED``: Ctrl-C. ``HELD_OUT``: the held-out
+        error stopped falling, so the model was deliberately not fitted to the minimum. ``NOT_CONVERGED``: a search
         reached `max_steps` or could not lower the error further.
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
-        Root mean square of the free-run error, in the outputs' units: of the linear start and of the final model on all
-        samples, and of the model at the end of the search on the held-out samples (NaN without held-out samples).
+        Root mean squares of the free-run error, in the outputs' units. ``linear_error_`` is that of the initial linear
+        model on all samples, ``error_`` that of the final model on all samples, and ``held_out_error_`` that of the
+        model after the first search on the held-out samples (NaN if there are none).
     first_states_ : ndarray, shape (n_recordings, n_states)
         State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
 

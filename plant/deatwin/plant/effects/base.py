@@ -39,13 +39,13 @@ class Place(Enum):
 
 
 class Alone(Enum):
-    """How well a single reading distinguishes an effect at a further place from other places and other effects.
+    """Ability of a single reading to show that an effect acts at a further place (`Site`) and not elsewhere.
 
-    - ``TOLD``: the reading may distinguish the place, so a diagnosis always tries the effect there;
-    - ``AS_FIRST``: the reading is the same as with the effect at its first place, in any plant that does not depend on
-      the clock;
-    - ``AS_ANOTHER``: the reading hardly distinguishes the effect there from another effect, so a diagnosis tries the
-      place only as a replacement.
+    - ``TOLD``: the reading may show the place, so a diagnosis always tries the effect there;
+    - ``AS_FIRST``: the reading is the same as with the effect at its first place, if the plant does not depend on the
+      clock;
+    - ``AS_ANOTHER``: the reading is nearly the same as with another effect, so a diagnosis tries the place only as a
+      replacement for an effect that it has found.
     """
 
     TOLD = "told"
@@ -55,7 +55,7 @@ class Alone(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
-    """A further place at which an effect may act on a plant, by the same law.
+    """A further place at which an effect may act on a plant, with the same equation.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Site:
     order : int
         Number that sorts effects at this place into the order in which they act; see `Effect.order`.
     alone : Alone
-        How well a single reading distinguishes the effect at this place from other places and other effects.
+        Ability of a single reading to distinguish this place from others; see `Alone`.
     covered_by : str
         Name of another effect that acts in the same way at this place. On a plant that accepts that other effect, the
         present effect cannot act at this place.

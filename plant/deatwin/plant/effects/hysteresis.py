@@ -39,7 +39,7 @@ class Hysteresis(Effect):
     distance : float
         :math:`x_h` in m, the displacement over which the force builds up.
     beta : float
-        Shape :math:`\beta` of the loop.
+        Shape :math:`\beta` of the loop, dimensionless.
 
     References
     ----------

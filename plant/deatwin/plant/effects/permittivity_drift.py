@@ -26,7 +26,7 @@ class PermittivityDrift(Effect):
     Parameters
     ----------
     relative_change : float
-        a, the final relative change.
+        a, the final change divided by the initial value.
     time : float
         :math:`\tau`, the time constant of the drift, s.
 

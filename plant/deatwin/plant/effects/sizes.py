@@ -58,7 +58,7 @@ class Sizes:
         Typical amplifier voltage, V, if the amplifier multiplies the command by a gain; otherwise its output has the
         size and unit of the command.
     reading : float, optional
-        Typical reading; `motion` by default.
+        Typical reading, in its unit; `motion` by default.
     motion_unit, force_unit, command_unit, reading_unit : str
         Units, as products of powers such as ``"V/s2"``.
     body : str

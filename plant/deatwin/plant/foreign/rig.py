@@ -56,15 +56,16 @@ class ForeignRig(Rig):
     channels : tuple of tuple of str and float
         Further measured inputs: pairs of a name and the value that applies if a recording lacks it.
     rest_command : float
-        Command before the first sample.
+        Command before the first sample, in its unit.
     varying : tuple of str
         Parameters that may drift: with a `ParameterDrift` the model gets an array of shape (n,) in place of the number.
     step : float
-        Step of the central differences, as a share of a parameter's value. For a parameter with a linear scale, it is a
-        share of a tenth of the range if that is larger. Give a step whose cube is at least the relative numerical error
-        of the readings, to which an adaptive solver contributes.
+        Step of the central differences, relative to the parameter's value or, for a parameter with a linear scale, to a
+        tenth of its range if that is larger. It should be at least the cube root of the relative numerical error of the
+        readings (with an adaptive solver, of its tolerance).
     longest : float
-        Time after which a run of the model in a worker process is ended, as if it had crashed, s; infinite by default.
+        Longest time that a run of the model in a worker process may take, s; a longer run counts as crashed. Infinite
+        by default.
     sample_time, noise, reading, model_error, command_range, chain, supply
         Properties that every `Rig` has.
     further : tuple of Reading
@@ -73,7 +74,7 @@ class ForeignRig(Rig):
     Raises
     ------
     RigError
-        If the model cannot be called or hashed, the sizes are not `Sizes`, step or longest time are not above 0, a name
+        If the model cannot be called or hashed, the sizes are not `Sizes`, `step` or `longest` is not above 0, a name
         or a unit is not a text, a varying parameter is unknown, or there are further readings.
     """
 

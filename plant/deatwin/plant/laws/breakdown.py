@@ -69,7 +69,7 @@ HUANG_2012 = BreakdownLaw(
     source="Huang, Shian, Diebold, Suo & Clarke, Appl. Phys. Lett. 101 (2012) 122905, doi:10.1063/1.4754549: "
     "51 h^-0.25 lambda^0.63, films embedded in a stiff polymer; that h is in mm and the field in MV/m is inferred",
 )
-"""Breakdown of the film itself, because nothing thins or creases between stiff polymers."""
+"""Breakdown law of Huang et al. for films between stiff polymers, where voltage cannot thin or crease the film."""
 
 KOFOD_2001 = BreakdownLaw(
     field=20e6,
@@ -79,4 +79,4 @@ KOFOD_2001 = BreakdownLaw(
     source="Kofod, Kornbluh, Pelrine & Sommer-Larsen, SPIE Smart Structures and Materials (2001), abstract: 20 MV/m "
     "unstrained, 218 MV/m at 500 % x 500 % strain; a power law through the two, whose thickness goes with the stretch",
 )
-"""Breakdown of films in actuators, which is lower because voltage thins a soft film before it breaks."""
+"""Breakdown law of Kofod et al. for films in actuators; lower, because voltage thins a soft film before it breaks."""

@@ -64,8 +64,8 @@ class StartProcedure:
     hold : float
         Duration for which the first command is then held, s.
     uncounted : float
-        Duration after the first sample, s, during which readings are not compared, because the motion before the first
-        sample is unknown; at most a tenth of the experiment.
+        Duration after the first sample, s, whose readings a fit ignores because the motion before the first sample is
+        unknown; at most a tenth of the experiment.
     """
 
     rest_command: float = 0.0

@@ -143,7 +143,7 @@ def load_material(path: str | Path) -> Material:
     Returns
     -------
     Material
-        The material, which every rig takes.
+        The material, for the argument `material` of a rig.
 
     Raises
     ------

@@ -68,9 +68,9 @@ def run_study(
     cases : iterable of mapping
         Mappings from names to numbers, texts or None, for example from `grid`.
     work : callable
-        Function of a case and a `numpy.random.Generator` that depends on seed and case alone; it returns numbers,
-        texts and arrays by name. It must be defined in a module or in the script; a partial or a closure is refused,
-        because the values that it holds cannot be sealed.
+        Function ``work(case, rng)`` that returns a mapping of names to numbers, texts and arrays; ``rng`` is a
+        `numpy.random.Generator` that depends on seed and case alone. It must be defined in a module or in the script: a
+        partial or a closure is refused, because changes of the values that it holds could not be noticed.
     folder : path
         Folder of the study. On a cluster all workers must see it under this path.
     seed : int

@@ -251,7 +251,8 @@ def compare(
     Raises
     ------
     ModelError
-        If the models cannot be compared or have no covariance, or for the reasons given in `band_means`.
+        If the models cannot be compared or have no covariance, an order or a band is invalid, no output frequency lies
+        in a band, or for the reasons given in `gfrf`.
     """
     _require_alike(require_model(first), require_model(second))
     if not real_number(least, "least") >= 0:

@@ -75,10 +75,9 @@ def compare_records(
 
     Every record is fitted with the same terms by least squares, and each pair is compared as in `compare`, with the
     scatter estimated from the records themselves. If the means of a pair differ, the responses at the different times
-    of both records are compared. The actuators differ if the response at no time of one record resembles the response
-    at any time of the other; otherwise drift may be the cause. Only a record that drifts significantly in some order
-    and band has responses at different times, because a drift that is too small to be detected cannot explain a
-    difference.
+    of both records are compared. If no response of one record resembles any response of the other, the actuators
+    differ; otherwise drift may be the cause. A record without significant drift is taken to have the same response at
+    all times, because a drift that is too small to be detected cannot explain a difference.
 
     Parameters
     ----------
@@ -113,7 +112,8 @@ def compare_records(
     Raises
     ------
     ModelError
-        If there are fewer than two records or they are too short, or for the reasons given in `Fixed` and `band_means`.
+        If there are fewer than two records, they are too short or do not determine the parameters, or for the reasons
+        given in `compare`.
     """
     if not isinstance(recordings, Mapping) or len(recordings) < 2:
         raise ModelError("a comparison needs the recordings of at least two actuators, by their names")

@@ -123,7 +123,7 @@ def input_spectrum(excitation: ArrayLike, order: int, sample_time: float, *, uni
     Parameters
     ----------
     excitation : array_like, shape (n_samples,)
-        One period of the input as deviations from the operating input.
+        One period of the input as deviations from the operating input, in its unit.
     order : int
         Power n of the input, at least 1.
     sample_time : float

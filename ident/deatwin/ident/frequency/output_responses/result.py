@@ -32,7 +32,7 @@ class NofrfWarning(UserWarning):
 
 
 class NofrfStatus(Enum):
-    """How reliable a nonlinear output frequency response is.
+    """Reliability of an estimated nonlinear output frequency response.
 
     The value of each member is a message for the user.
     """
@@ -80,25 +80,25 @@ class Nofrf(Described, Frozen):
     inputs : tuple of InputSpectrum, length N
         Spectra U_1, ..., U_N of the powers of the excitation at level 1.
     levels : ndarray, shape (n_levels,)
-        Factors of the excitation that were used.
+        Levels that were fitted: factors of the excitation.
     lost_levels : ndarray, shape (n_lost,)
-        Factors at which the model diverges.
+        Levels at which the model diverges.
     condition : float
         Condition number of the fit with columns scaled to unit length.
     residual : ndarray, shape (n_levels, N)
         Part of the output's spectrum at each level that the first 1, 2, ..., N orders leave unexplained: root sum of
         squares, relative to that of the spectrum.
-    left_out : ndarray, shape (n,)
-        Prediction error at left-out levels, as a share of the spectra, for fits of 1, 2, ... orders; infinite if there
-        are too few levels for leaving one level out.
+    left_out : ndarray, shape (n_fits,)
+        Leave-one-out error of fits of 1, 2, ... orders: rms error of the spectrum predicted at each level from the
+        others, relative to the spectrum. Infinite if there are too few levels.
     truncation : tuple of ndarray, length N
-        Change of each G_n when two more orders are fitted, shape (n,) as G_n and in its unit. This change estimates the
-        error caused by orders that were not fitted. NaN if there are too few levels for the estimate.
+        Change of each G_n when two more orders are fitted, shape (n_values,) as G_n and in its unit. This change
+        estimates the error caused by orders that were not fitted. NaN if there are too few levels for the estimate.
     advisable_level : float
-        Factor for the levels that would reduce the truncation error of all orders up to ``order`` to about 1 % (root
-        mean square over their lines, by extrapolation) and at which the model does not diverge; 1 if the present levels
-        already satisfy this, NaN if the truncation error is not known. At the ends of an order's range, where U_n is
-        small, the error of G_n may be larger: see ``truncation``.
+        Factor by which to multiply the levels so that the truncation error of all orders up to ``order`` falls to about
+        1 % (root mean square over their lines, by extrapolation) and the model does not diverge; 1 if the present
+        levels already satisfy this, NaN if the truncation error is not known. At the ends of an order's range, where
+        U_n is small, the error of G_n may be larger: see ``truncation``.
     status : NofrfStatus
         Most serious problem found, if any.
     """
@@ -131,17 +131,17 @@ class Nofrf(Described, Frozen):
 
     @property
     def values(self) -> Complex:
-        """Values of that response, complex, shape (n,), in output unit per power of the input unit."""
+        """Values of that response, complex, shape (n_values,), in output unit per power of the input unit."""
         return self.response.values
 
     @property
     def omega(self) -> Array:
-        """Angular frequencies of the values, rad/s, shape (n,)."""
+        """Angular frequencies of the values, rad/s, shape (n_values,)."""
         return self.response.omega
 
     @property
     def frequency_Hz(self) -> Array:
-        """Frequencies of the values, Hz, shape (n,)."""
+        """Frequencies of the values, Hz, shape (n_values,)."""
         return self.response.frequency_Hz
 
     @property

@@ -84,7 +84,7 @@ class Propagated(Uncertain):
     response : FrequencyResponse
         Frequency response at the model's own parameters.
     level : float
-        Default probability of regions and bands.
+        Default probability of confidence regions and bands.
     dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     nonlinearity : ndarray, shape (n,)
@@ -92,7 +92,8 @@ class Propagated(Uncertain):
         departure relative to the root mean square along the tangent, both as Mahalanobis distances in the covariance
         ellipse. Dimensionless; see `propagate`.
     lost : float
-        Share of the probed parameters without an equilibrium or with different stability.
+        Share of the parameter draws of `propagate` that have no equilibrium, or whose stability differs from the
+        model's.
     """
 
     nonlinearity: Array = field(metadata=variable("point"))
@@ -223,7 +224,7 @@ def propagate(model: NarxModel, quantity: Quantity, *, level: float = 0.95) -> P
         Function from a model to a FrequencyResponse: ``partial(gfrf, order=2, omega=omega)``, or
         ``lambda m: output_orders(m, excitation, 3)[1]``.
     level : float
-        Default probability of regions and bands.
+        Default probability of confidence regions and bands.
 
     Returns
     -------

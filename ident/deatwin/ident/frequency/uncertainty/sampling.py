@@ -63,11 +63,11 @@ class Sampled(Uncertain):
     response : FrequencyResponse
         Frequency response at the model's own parameters.
     level : float
-        Default probability of regions and bands.
+        Default probability of confidence regions and bands.
     dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     draws : ndarray of complex, shape (n_kept, n)
-        Response at draws of the parameters.
+        Response at draws of the parameters, in the response's unit.
     n_without : int
         Number of draws left out because they have no equilibrium.
     n_other : int
@@ -160,7 +160,7 @@ def sample(
     n_draws : int
         Number of draws, at least 2.
     level : float
-        Default probability of regions and bands.
+        Default probability of confidence regions and bands.
 
     Raises
     ------

@@ -54,7 +54,7 @@ def tv_gfrf(
         Parameters theta(t) of a model of one input and one output.
     order : int
         Order n, from 1 to 8.
-    omega : array_like, shape (n,) for order 1, else (n, order)
+    omega : array_like, shape (n_values,) for order 1, else (n_values, order)
         Angular frequencies, rad/s, in the form that `gfrf` takes.
     timepts : array_like, shape (n_times,), optional
         Increasing times, s; each uses the parameters of the nearest time of the trajectory. By default the times of the

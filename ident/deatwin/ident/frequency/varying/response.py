@@ -35,7 +35,7 @@ _RANGE = 1e4  # largest ratio of gains on the colour scale; smaller gains share 
 
 
 class VaryingStatus(Enum):
-    """Status of the frequency response at a time. The value of each member is a message for the user."""
+    """Status of the frequency response at one time. The value of each member is a message for the user."""
 
     OK = "the equilibrium of this time is stable"
     UNSTABLE = (
@@ -71,7 +71,7 @@ class VaryingResponse(Described, Frozen):
     responses : tuple of (FrequencyResponse or None), length n_times
         Response of each model; at least one is not None.
     correct : callable
-        Function without arguments that returns the correction of the frozen response for changing parameters.
+        Function without arguments that returns `frozen_correction`, complex, shape (n_times, n_values).
     """
 
     timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
@@ -121,7 +121,7 @@ class VaryingResponse(Described, Frozen):
 
     @property
     def omega(self) -> Array:
-        """Angular frequencies, rad/s, shape (n,), or (n, order) for H_n of order 2 and more."""
+        """Angular frequencies, rad/s, shape (n_values,), or (n_values, order) for H_n of order 2 and more."""
         return self._first.omega
 
     @property
@@ -156,7 +156,7 @@ class VaryingResponse(Described, Frozen):
 
     @cached_property
     def values(self) -> Complex:
-        """Complex response in ``unit``, shape (n_times, n); NaN if there is none."""
+        """Complex response in ``unit``, shape (n_times, n_values); NaN if there is none."""
         values = self._stacked(lambda response: response.values)
         values.setflags(write=False)
         return values
@@ -168,12 +168,12 @@ class VaryingResponse(Described, Frozen):
 
     @property
     def gain(self) -> Array:
-        """Magnitude, shape (n_times, n)."""
+        """Magnitude, shape (n_times, n_values)."""
         return np.asarray(np.abs(self.values), dtype=np.float64)
 
     @cached_property
     def frozen_correction(self) -> Complex:
-        """Contribution of the changing parameters to the response, complex, shape (n_times, n), in ``unit``.
+        """Contribution of the changing parameters to the response, complex, shape (n_times, n_values), in ``unit``.
 
         To first order in the rate of variation, the steady response of the varying system to a tone is ``values`` plus
         this correction; see `moving_parts`. The rate is computed between neighbours in ``timepts``: NaN if a neighbour
@@ -185,7 +185,7 @@ class VaryingResponse(Described, Frozen):
 
     @property
     def frozen_error(self) -> Array:
-        """Magnitude of ``frozen_correction``, shape (n_times, n): the error of freezing the parameters.
+        """Magnitude of ``frozen_correction``, shape (n_times, n_values): the error of freezing the parameters.
 
         For H_1 it is the rate of change of H_1 times the delay of the feedback, so it is small if the system changes
         little within its own memory.
@@ -207,7 +207,7 @@ class VaryingResponse(Described, Frozen):
         Returns
         -------
         Band
-            Band as returned by `FrequencyResponse.band`, of shape (n_times, n); NaN if there is no response.
+            Band as returned by `FrequencyResponse.band`, of shape (n_times, n_values); NaN if there is no response.
 
         Raises
         ------

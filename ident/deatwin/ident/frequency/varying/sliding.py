@@ -69,7 +69,8 @@ class SlidingStatistics(Described):
     mean, mean_low, mean_high : ndarray, shape (n_windows,)
         Mean of the output with its band, in the output's unit.
     gain, gain_low, gain_high : ndarray, shape (n_windows,)
-        Standard deviation of the output divided by that of the input, with its band; NaN if the input is constant.
+        Standard deviation of the output divided by that of the input, with its band, output unit per input unit; NaN if
+        the input is constant.
     p_mean, p_gain : float
         p-values of the tests for drift of mean and gain: probability of differences at least as large between
         non-overlapping windows if nothing drifts; NaN with fewer than two windows.

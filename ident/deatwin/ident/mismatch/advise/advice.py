@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 
 INPUT_FILE = "next_input.csv"
+"""Name of the file in which `deatwin diagnose` stores the commands of the advised experiment."""
 
 
 def write_input(path: Path | str, commands: Recording) -> None:

@@ -70,7 +70,8 @@ class Detection(Described):
     p_value : float
         Joint probability of statistics at least as large if nothing is missing; at least 1 / (number of draws + 1).
     statistics : tuple of Statistic
-        Statistics, one for each group.
+        One result for each group of statistics: variance ratio, cumulative periodogram, correlation with the command,
+        correlation of the squared residual.
     size : float
         Rms residual beyond the sensor noise, on fitted or held-out data, whichever is larger, SI.
     practical : float

@@ -140,7 +140,7 @@ def locate(base: Candidate, problem: DiagnosisProblem, checked: DataQuality, rng
     problem : DiagnosisProblem
         Diagnosis problem with the fitted data.
     checked : DataQuality
-        Recordings with their sound samples.
+        Recordings whose faulty samples are marked.
     rng : numpy.random.Generator
         Random generator for the test of repeatability.
 

@@ -49,9 +49,11 @@ class Candidate:
         Name of the reading to which each entry of `sizes` belongs; the name of the first reading is empty text. The
         tuple is empty if there is only one reading.
     log_share : float
-        Logarithm of the prior share of the places at which the effects act.
+        Natural logarithm of the prior probability of the places at which the effects act; all places of an effect are
+        equally probable.
     log_size : float
-        Log-prior of the strengths at other places, relative to typical strengths, in nats; 0 or less.
+        Natural logarithm of the prior density of the strengths of effects at further places, relative to its maximum; 0
+        or less.
     """
 
     effects: tuple[str, ...]
@@ -199,15 +201,16 @@ def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Distance:
-    """Squared distance between two explanations on the inputs of the recordings.
+    """Squared distance d² between two explanations for the commands of the recordings.
 
     Parameters
     ----------
     effects : tuple of str
         Names of the two explanations; the effects of a set are joined by ``+``.
     d2 : float
-        Squared distance after one explanation is refitted to the readings of the other; a first-order value if the
-        recordings have already distinguished the two explanations.
+        Squared difference of the predicted readings in units of noise and model error, after one explanation is
+        refitted to the readings of the other, dimensionless; from 16 on, the two are distinguished. Computed to first
+        order if the recordings have already distinguished them.
     """
 
     effects: tuple[str, str]

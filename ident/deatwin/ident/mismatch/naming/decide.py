@@ -51,7 +51,7 @@ class Naming(Described):
     noise : float
         Standard deviation of the sensor noise that the best explanation leaves, SI.
     distances : tuple of Distance
-        Distances from the best explanation to each other explanation.
+        Distances from the best explanation to every other explanation.
     failed : tuple of str
         Effects and sets of effects with which no fit could be simulated; this is not evidence against them.
     """

@@ -46,13 +46,13 @@ TINY = 1e-300
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearisedResponse:
-    """Linearised change of the readings of the calibrated base plant by an effect of given shape.
+    """Linearised change of the base plant's readings by an effect, with given values of all its parameters.
 
     Parameters
     ----------
     effect : Effect
-        Effect with its shape, at its typical strength, or at a weaker strength if the plant cannot be simulated at the
-        typical strength.
+        Effect with the values of all its parameters; its strength is the typical one, or a weaker one if the plant
+        cannot be simulated at the typical strength.
     change : ndarray, shape (m,)
         Change of the fitted readings per unit of strength, SI. The responses of stops and lags are not proportional to
         their strength. If the typical strength changes the readings by more than the mismatch, a weaker strength is
@@ -82,7 +82,7 @@ def linearised_responses(
     fit: Calibration,
     finished: Callable[[int], None] | None = None,
 ) -> tuple[LinearisedResponse, ...]:
-    """Compute how each effect, at each of its shapes, changes the readings of the base plant.
+    """Compute how each effect, with several values of its parameters, changes the readings of the base plant.
 
     Parameters
     ----------
@@ -101,7 +101,8 @@ def linearised_responses(
     Returns
     -------
     tuple of LinearisedResponse
-        Responses in the order of `effects`; shapes with which the plant cannot be simulated are omitted.
+        Responses in the order of `effects`, several for each; values with which the plant cannot be simulated are
+        omitted.
     """
     jobs = [(base, effect, problem.fitted, fit) for effect in effects]
     found = run_jobs(_of_effect, jobs, workers=problem.jobs, finished=finished)

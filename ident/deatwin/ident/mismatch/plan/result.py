@@ -33,14 +33,14 @@ class Foreseen:
     strength : str
         Name of the parameter that is its strength.
     unit : str
-        SI unit of the strength.
+        SI unit of the strengths.
     typical : float
-        Typical strength.
+        Typical strength, in `unit`.
     change : float
         Rms change of the readings by the typical strength, in the plan's unit.
     smallest : float or None
-        Smallest strength at which the effect would be detected; None if no strength within the range of the parameter
-        suffices.
+        Smallest strength, in `unit`, at which the effect would be detected; None if no strength within the range of the
+        parameter suffices.
     smallest_change : float or None
         Rms change of the readings by the smallest strength, in the plan's unit.
     alike : tuple of str
@@ -113,8 +113,7 @@ class ExperimentPlan:
     waveform : str
         Description of the input if it is advised; empty if it was given.
     effects : tuple of Foreseen
-        Effects that the rig accepts. The effect whose smallest visible strength is the smallest share of its typical
-        strength comes first.
+        Effects that the rig accepts, sorted by smallest visible strength divided by typical strength, ascending.
     impossible : tuple of str
         Effects with which the plant could not be simulated.
     tried : mapping of str to float

@@ -49,9 +49,11 @@ class Verification(Described):
     shams : tuple of Placebo
         Results with placebo effects, one for each kind of placebo and each effect.
     transfers : tuple of Transfer
-        Results for each record, if there are several, and for each third of the amplitudes.
+        Residuals without and with the explanation on each record, if there are several, and on blocks with small,
+        medium and large commands.
     constancies : tuple of Constancy
-        Test of constancy for each effect that is not an event.
+        For each effect that is not an event, the change of its strength from the beginning to the end of the fitted
+        data.
     noise : float
         Sensor noise, rms.
     output_unit : str

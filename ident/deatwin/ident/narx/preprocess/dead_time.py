@@ -77,9 +77,9 @@ class DeadTime:
     status : DeadTimeStatus
         Outcome of the estimation.
     probability : float
-        Probability of `interval`, between 0 and 1.
+        Probability that the property `interval` contains the dead time, between 0 and 1.
     probabilities : ndarray, shape (n_lags,)
-        Probability of each dead time from 0 samples on; empty if there is no estimate.
+        Probabilities of the dead times 0, 1, 2, ... samples; empty if there is no estimate.
     searched_to : int
         Longest dead time that was tested, in samples.
     """
@@ -180,7 +180,7 @@ def estimate_dead_time(
     Raises
     ------
     ModelError
-        If an argument makes no sense, or the recordings do not fit together.
+        If an argument is invalid, or the recordings do not fit together.
     """
     chosen = flatten(recordings)
     _require(chosen, output, max_dead_time, probability)

@@ -32,7 +32,7 @@ FEWEST = 200  # samples below which nothing can be distinguished from chance
 
 
 class FindingKind(Enum):
-    """Kind of irregularity; each value is a phrase with advice."""
+    """Kind of irregularity. The value of each member is a phrase that names it and gives advice."""
 
     TREND = "include a slow input or time in the model, or fit a stationary section"
     DRIFT = "fit a stationary section, or let parameters vary in time"
@@ -59,7 +59,7 @@ class Finding:
         Start and end on the recording's clock, in s.
     size : float
         Size in the unit of the signal: total change of a trend, largest deviation of a drift or an outlier, step of a
-        quantised reading, level of clipping or of a constant stretch, range of few levels.
+        quantised reading, level of clipping or of a constant stretch, range of a signal with few levels.
     unit : str
         Unit of the signal.
     count : int
@@ -107,7 +107,7 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
     Raises
     ------
     DataError
-        If a recording is too short, or the level makes no sense.
+        If a recording is too short, or the level is invalid.
     """
     if not 0.0 < level < 1.0:
         raise DataError(f"level = {level}; it must lie between 0 and 1")

@@ -27,7 +27,7 @@ _BLOCKS = 10  # blocks of the squared errors, whose means show how certain their
 
 
 class TrialStatus(Enum):
-    """Outcome of a trial; each value describes it."""
+    """Outcome of a trial. The value of each member is a message for the user."""
 
     DONE = "done"
     DIVERGED = "the free run over the held-out data diverged"

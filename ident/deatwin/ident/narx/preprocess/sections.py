@@ -45,7 +45,7 @@ _FEWEST_SEGMENTS = 10  # with fewer segments, no order of them is improbable eno
 
 
 class SectionStatus(Enum):
-    """Reason why these sections of the recordings were chosen, in words."""
+    """Basis on which `choose_sections` chose the sections. The value of each member is a message for the user."""
 
     STATIONARY = "whole recordings pass the test of stationarity"
     PART = "only a part of the recordings passes the test; the table lists the excluded segments"
@@ -229,7 +229,7 @@ def choose_sections(
     Raises
     ------
     DataError
-        If the segments are too few or too short, or a share makes no sense.
+        If the segments are too few or too short, or a share is not between 0 and 1.
     """
     if not 0.0 < level < 1.0 or not 0.0 < validation_share < 1.0:
         raise DataError(f"level = {level} and validation_share = {validation_share} must lie between 0 and 1")
