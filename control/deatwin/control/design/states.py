@@ -35,7 +35,7 @@ class States:
         gain = linear.require().static_gain
         if linear.numerator[0] != 0.0:
             raise ControlError(
-                "the model answers to a command in the same sample: design on it as the controller sees it, "
+                "the model responds to a command in the same sample: design on the model with the delay of the loop, "
                 "linear.in_loop(rig.reading)"
             )
         if linear.realisation is not None:

@@ -96,14 +96,16 @@ class Scale:
         either = np.logaddexp(self.weight(other), self._inexact_weight(other, best)) - np.log(2.0)
         return self.weight(best) - float(either) + best.log_share - other.log_share
 
-    def _late_weight(self, alone: Candidate, other: Candidate) -> float:
-        """Return the log evidence of an explanation at its fit with a delay, if `other` is that fit; else -inf."""
-        further = set(other.effects) - set(alone.effects)
-        causes = [effect.cause for effect in self.problem.everywhere if effect.name in further]
-        if causes != [Delay.name] or len(other.effects) != len(alone.effects) + 1:
-            return -np.inf
-        (name,) = further
-        return self.weight(other, late=f"{name}.time")
+    def delay_beside(self, alone: Candidate, pair: Candidate) -> str:
+        """Return the name of the delay if `pair` is an effect `alone` and a delay, else empty text."""
+        further = set(pair.effects) - set(alone.effects)
+        delays = [e.name for e in self.problem.everywhere if e.name in further and e.cause == Delay.name]
+        return delays[0] if len(further) == len(delays) == 1 and len(pair.effects) == len(alone.effects) + 1 else ""
+
+    def _late_weight(self, alone: Candidate, pair: Candidate) -> float:
+        """Return the log evidence of an effect whose timing error is the delay of a pair; -inf if this has none."""
+        delay = self.delay_beside(alone, pair)
+        return self.weight(pair, late=f"{delay}.time") if delay else -np.inf
 
     def _inexact_weight(self, alone: Candidate, pair: Candidate) -> float:
         """Return the log evidence of an explanation whose law errs along its difference from another one."""
