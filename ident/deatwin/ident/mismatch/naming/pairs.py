@@ -89,26 +89,17 @@ def _nearly_all(search: Search) -> Candidate | None:
 
 
 def with_doubt(search: Search, naming: Naming) -> Naming:
-    """Add to a decision for a pair the single effects that are not far less likely than the pair.
-
-    If the pair is an effect and a delay as short as timing errors are, the effect alone comes first.
-    """
+    """Add to a decision for a pair the single effects that are not far less likely than the pair."""
     # Each is as likely as the pair, because the errors of laws are not known better. Single effects that leave more
     # than an error of their law are not added.
     pair = None if naming.best is None else search.tried.get(naming.best.effects)
     if pair is None or len(pair.effects) != 2:
         return naming
-    scale, pairs = search.scale, _pairs(search)
+    scale = search.scale
     possible = sorted(filter(search.is_possible, _single_effects(search)), key=lambda c: -scale.weight(c))
     possible = [c for c in possible if errs_by_its_law(c, search.tried[()])]
     asked = [c for k, c in enumerate(possible) if k == 0 or c.effects[0] in pair.effects]
-    odds = {c.effects: scale.of_two(pair, c, pairs) for c in asked}
-    doubted = naming.as_likely([c for c in asked if odds[c.effects] < STRONG])
-    first = next((c for c in asked if odds[c.effects] < 0.0 and scale.delay_beside(c, pair)), None)
-    if first is None:
-        return doubted
-    unlikely = [frozenset(c.effects) for c in pairs if scale.of_two(c, first, pairs) < -STRONG]
-    return doubted.with_best(first).without(unlikely)
+    return naming.as_likely([c for c in asked if scale.of_two(pair, c, _pairs(search)) < STRONG])
 
 
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:

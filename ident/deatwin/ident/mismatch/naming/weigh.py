@@ -96,16 +96,13 @@ class Scale:
         either = np.logaddexp(self.weight(other), self._inexact_weight(other, best)) - np.log(2.0)
         return self.weight(best) - float(either) + best.log_share - other.log_share
 
-    def delay_beside(self, alone: Candidate, pair: Candidate) -> str:
-        """Return the name of the delay if `pair` is an effect `alone` and a delay, else empty text."""
-        further = set(pair.effects) - set(alone.effects)
-        delays = [e.name for e in self.problem.everywhere if e.name in further and e.cause == Delay.name]
-        return delays[0] if len(further) == len(delays) == 1 and len(pair.effects) == len(alone.effects) + 1 else ""
-
     def _late_weight(self, alone: Candidate, pair: Candidate) -> float:
         """Return the log evidence of an effect whose timing error is the delay of a pair; -inf if this has none."""
-        delay = self.delay_beside(alone, pair)
-        return self.weight(pair, late=f"{delay}.time") if delay else -np.inf
+        further = set(pair.effects) - set(alone.effects)
+        delays = [e.name for e in self.problem.everywhere if e.name in further and e.cause == Delay.name]
+        if not len(further) == len(delays) == len(pair.effects) - len(alone.effects) == 1:
+            return -np.inf
+        return self.weight(pair, late=f"{delays[0]}.time")
 
     def _inexact_weight(self, alone: Candidate, pair: Candidate) -> float:
         """Return the log evidence of an explanation whose law errs along its difference from another one."""
@@ -164,7 +161,9 @@ class Scale:
         moves = Problem(plant=fit.plant, parts=(), names=fit.names).smooth()
         parameters = [fit.plant.parameters[name] for name, smooth in zip(fit.names, moves, strict=True) if smooth]
         largest = float(np.quantile(np.abs(self.error.of[0].readings), 0.99))
-        timing = Coordinate(mean=0.0, deviation=TIMING * self.problem.nominal.rig.sample_time)
+        # Half of a timing error's variance is that delay's, and half that of the column, which belongs to another motion.
+        half = np.sqrt(0.5)
+        timing = Coordinate(mean=0.0, deviation=half * TIMING * self.problem.nominal.rig.sample_time)
         known = [
             timing if p.name == late else coordinate(p, self.problem.nominal, effects, largest) for p in parameters
         ]
@@ -172,7 +171,7 @@ class Scale:
         # Deviations of the rig's own parameters count in `log_prior_of_rig`, since nominal values may be wrong.
         of_effects = [p.name.partition(".")[0] in effects for p in parameters]
         at = np.where(of_effects, [p.scale.to_coordinate(p.value) for p in parameters], mean)
-        errors = np.where(self.error.of_timing, 0.0, self.error.columns) if late else self.error.columns
+        errors = self.error.columns * np.where(self.error.of_timing, half, 1.0) if late else self.error.columns
         columns = np.column_stack([fit.jacobian[:, moves] * spread, errors])
         sided = [k for k, one in enumerate(known) if one.one_sided]
         prior = Prior.of((at.size, (at - mean) / spread), (columns.shape[1] - at.size, None), one_sided=sided)

@@ -66,7 +66,7 @@ class Known(Search):
 class GivenScale:
     """Two are likelier by `odds` than either alone, and less so by what a better fit of one leaves less, in nats."""
 
-    odds, promised, bends, delay = STRONG + 1.0, {}, {}, ""
+    odds, promised, bends = STRONG + 1.0, {}, {}
 
     def __init__(self, *, problem, base, noise):
         self.tried = (problem, base, noise)
@@ -79,9 +79,6 @@ class GivenScale:
 
     def of_two(self, pair, alone, others):
         return self.odds - 1e6 * (alone.calibration.rms < 2.6)
-
-    def delay_beside(self, alone, pair):
-        return self.delay if alone.effects == CLIP else ""
 
     def promises(self, alone, known):
         return self.promised.get(alone.effects, {})
@@ -253,18 +250,6 @@ def test_a_law_is_to_blame_only_for_what_laws_err_by(leaving, scale, left, alter
     scale(odds=-19.0)
     both = replace(first_alone(search), best=search.tried[PAIR], probabilities={PAIR: 1.0})
     assert tuple(alternative.effects for alternative in with_doubt(search, both).alternatives) == alternatives
-
-
-@pytest.mark.parametrize(("odds", "alternatives"), [(-0.5 * STRONG, (PAIR,)), (-2.0 * STRONG, ())])
-def test_an_effect_and_a_timing_error_come_before_it_and_a_delay(leaving, scale, odds, alternatives):
-    search = Known(*leaving(5.0, 2.7, 4.6, 2.2))
-    both = replace(first_alone(search), best=search.tried[PAIR], probabilities={PAIR: 1.0})
-    scale(odds=odds, delay="creep")
-    doubted = with_doubt(search, both)
-    assert doubted.best.effects == CLIP
-    assert tuple(alternative.effects for alternative in doubted.alternatives) == alternatives
-    scale(odds=0.5 * STRONG)
-    assert with_doubt(search, both).best.effects == PAIR
 
 
 def test_rivals_of_another_form_stay_among_what_was_tried(leaving, candidate, scale):
