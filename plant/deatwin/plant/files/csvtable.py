@@ -6,7 +6,7 @@ import hashlib
 import io
 import re
 import zlib
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from pathlib import Path
@@ -50,6 +50,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points between thousands
 _DIGITS = 3  # Number of digits in a group of thousands
 _FEW = 1000  # Number of cells that are looked at first
+_PIECE = 50_000  # Number of lines that are split at a time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +58,7 @@ class CsvTable(Table):
     """Header and sample lines of a CSV file, before conversion."""
 
     lines: list[str]  # Lines that hold samples
-    rows: list[int]  # Number of each of these lines in the file, as an editor shows it; the first line is 1
+    rows: Sequence[int]  # Number of each of these lines in the file, as an editor shows it; the first line is 1
 
     def row(self, sample: int) -> int:
         """Return the row of a sample in the file, counted as in an editor."""
@@ -71,6 +72,8 @@ class CsvTable(Table):
 
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns in SI units, or in those of `wanted`, (len(columns), n), exactly rounded."""
+        if not self.scales.keys() & set(columns) and (found := self._of_even_rows(columns)) is not None:
+            return found
         rows = self._cells()
         try:
             texts = [[row[column] for row in rows] for column in columns]
@@ -91,6 +94,44 @@ class CsvTable(Table):
         if len(known) < len(columns):
             raise self._bad_cell(columns, missing)
         return np.array(known)
+
+    def _of_even_rows(self, columns: Sequence[int]) -> NDArray[np.float64] | None:
+        """Return columns of numbers piece by piece, which takes a third of the time and memory.
+
+        None if anything needs a closer look: rows of different lengths, quotation marks, cells without a finite number.
+        """
+        count, mark = len(self.headers), self.delimiter
+        separator = f"{mark}\0{mark}"  # between the rows, so that cells of even rows are count + 1 apart
+        units = [self.unit(column) for column in columns]
+        found, seen = np.empty((len(columns), len(self.lines))), set()
+        for first in range(0, len(self.lines), _PIECE):
+            text = separator.join(piece := self.lines[first : first + _PIECE])
+            cells = text.split() if mark == BLANKS else text.split(mark)
+            if (
+                '"' in text
+                or len(cells) != (count + 1) * len(piece) - 1
+                or {*cells[count :: count + 1], "\0"} != {"\0"}
+            ):
+                return None
+            for k, column in enumerate(columns):
+                part = cells[column :: count + 1]
+                said = "\0".join(part)
+                seen |= {sign for sign in ",." if sign in said}
+                if "," in said:
+                    seen |= (
+                        {"sure"}
+                        if any("," in cell and not _THOUSANDS.fullmatch(cell.strip()) for cell in part)
+                        else set()
+                    )
+                    part = said.replace(",", ".").split("\0")
+                elif not first and _may_be_thousands(part[:_FEW]):
+                    return None
+                try:
+                    found[k, first : first + len(piece)] = _si(part, units[k])
+                except (ValueError, ArithmeticError):
+                    return None
+        clear = "," not in seen or ("." not in seen and "sure" in seen)
+        return found if clear and np.isfinite(found).all() and (np.abs(found) <= OVERFLOW).all() else None
 
     def _of_short_rows(
         self, rows: Sequence[Sequence[str]], columns: Sequence[int], missing: Collection[int]
@@ -183,11 +224,7 @@ class CsvTable(Table):
 
     def _require_no_thousands(self, column: int, cells: list[str]) -> None:
         """Refuse a column in which 999 and 1.234 stand, and no number that shows whether the point parts thousands."""
-        first = cells[:_FEW]
-        if not all(map(_INTEGER.fullmatch, map(str.strip, first))) or not any("." in cell for cell in first):
-            return
-        hundreds = any("." not in cell and len(cell.strip("+- ")) == _DIGITS for cell in first)
-        if not hundreds or not all(map(_INTEGER.fullmatch, map(str.strip, cells))):
+        if not _may_be_thousands(cells[:_FEW]) or not all(map(_INTEGER.fullmatch, map(str.strip, cells))):
             return
         sample = next(k for k, cell in enumerate(cells) if "." in cell)
         raise DataError(
@@ -236,6 +273,12 @@ class CsvTable(Table):
         return DataError(f"{self.path}: the samples cannot be read as numbers")
 
 
+def _may_be_thousands(cells: Sequence[str]) -> bool:
+    """Return whether all points in cells may part thousands, and 999 stands among them."""
+    hundreds = any("." not in cell and len(cell.strip("+- ")) == _DIGITS for cell in cells)
+    return hundreds and any("." in cell for cell in cells) and all(map(_INTEGER.fullmatch, map(str.strip, cells)))
+
+
 def _advice(cell: str) -> str:
     """Return advice for a cell that holds more than a number; empty if there is none."""
     if re.search(r"\d:\d\d", cell):
@@ -258,7 +301,8 @@ def read_table(path: str | Path) -> CsvTable:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
     text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
     text = _DASH.sub("-", text) if "\u2013" in text else text
-    return table_of(enumerate(text.split("\n"), 1), name, hashlib.sha256(content).hexdigest())
+    lines = text.split("\n")
+    return table_of(lines, range(1, len(lines) + 1), name, hashlib.sha256(content).hexdigest())
 
 
 def _unzipped(content: bytes, path: str) -> bytes:
@@ -273,18 +317,20 @@ def _unzipped(content: bytes, path: str) -> bytes:
     return text
 
 
-def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> CsvTable:
-    """Return the table in lines of text."""
-    filled = [(row, line) for row, line in numbered if line.strip()]
-    filled = [(row, _FORTRAN.sub(r"\1E", line) if "D" in line or "d" in line else line) for row, line in filled]
-    while filled and not filled[-1][1].strip(",;|\t "):  # empty rows of a spreadsheet
-        filled.pop()
+def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) -> CsvTable:
+    """Return the table in lines of text, of which each has its number in the file."""
+    kept = [k for k, line in enumerate(lines) if line.strip()]
+    while kept and not lines[kept[-1]].strip(",;|\t "):  # empty rows of a spreadsheet
+        kept.pop()
+    rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
+    lines = [_FORTRAN.sub(r"\1E", line) if "D" in line or "d" in line else line for line in lines]
     declared = Declared()
-    if filled and filled[0][1].startswith(DESCRIPTION):
-        declared = read_description(filled.pop(0)[1].removeprefix(DESCRIPTION), name)
-    if not filled:
+    if lines and lines[0].startswith(DESCRIPTION):
+        declared = read_description(lines[0].removeprefix(DESCRIPTION), name)
+        rows, lines = rows[1:], lines[1:]
+    if not lines:
         raise DataError(f"{name}: the file is empty; it must hold a header, with the names of its columns, and samples")
-    lines, rows = without_index_line([line for _, line in filled], [row for row, _ in filled])
+    lines, rows = without_index_line(lines, rows)
     layout = find_layout(lines, rows, name)
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)
@@ -364,8 +410,12 @@ def power_of_ten(unit: Unit) -> int | None:
 
 def _si(cells: list[str], unit: Unit) -> NDArray[np.float64]:
     """Return the numbers of a column in SI units."""
-    if any("_" in cell for cell in cells):
+    text = "\n".join(cells)
+    if "_" in text:
         raise ValueError("Python's own mark between thousands")
+    exponent = power_of_ten(unit)
+    if exponent and not ("e" in text or "E" in text):
+        return np.array([float(f"{cell.strip()}e{exponent}") for cell in cells])
     return np.array(list(map(reader(unit), cells)))
 
 

@@ -102,7 +102,8 @@ def decode(content: bytes, path: str) -> str:
 
 def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
     """Find the delimiter and the end of the header."""
-    widths = {mark: _width(lines, mark) for mark in _DELIMITERS}
+    whole = "\n".join(lines)  # one search of the whole text is quicker than one of each line
+    widths = {mark: _width(lines, mark) if mark in whole else 1 for mark in _DELIMITERS}
     marks = [mark for mark in _DELIMITERS if widths[mark] > 1] or [","]
     starts = {mark: _first_sample(lines, mark, widths[mark]) for mark in marks}
     fitting = [mark for mark in marks if starts[mark] is not None]
@@ -189,14 +190,18 @@ def is_comment(line: str) -> bool:
 
 def split_cells(line: str, delimiter: str) -> list[str]:
     """Return the cells of a line without quotes and blanks around them, and without empty ones at its end."""
+    quoted = '"' in line
     if delimiter == BLANKS:
-        if '"' not in line:
+        if not quoted:
             return line.split()
         line = line.strip().replace("\t", BLANKS)
     try:
-        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+        parts = (
+            next(csv.reader([line], delimiter=delimiter, skipinitialspace=True)) if quoted else line.split(delimiter)
+        )
     except csv.Error:  # a cell is too long for the reader, so it is neither number nor name
-        cells = [cell.strip() for cell in line.split(delimiter)]
+        parts = line.split(delimiter)
+    cells = list(map(str.strip, parts))
     while len(cells) > 1 and not cells[-1]:
         cells.pop()
     return cells
