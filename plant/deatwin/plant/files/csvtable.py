@@ -72,8 +72,11 @@ class CsvTable(Table):
 
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns in SI units, or in those of `wanted`, (len(columns), n), exactly rounded."""
-        if not self.scales.keys() & set(columns) and (found := self._of_even_rows(columns)) is not None:
-            return found
+        if (even := self._of_even_rows([column for column in columns if column not in self.scales])) is not None:
+            rest = iter(even)
+            found = [self._numbers(k, [*self.texts(k)]) if k in self.scales else next(rest) for k in columns]
+            if all(values is not None for values in found):
+                return np.array(found)
         rows = self._cells()
         try:
             texts = [[row[column] for row in rows] for column in columns]
