@@ -7,7 +7,7 @@ import io
 import re
 import zlib
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Context, Decimal
 from pathlib import Path
 
@@ -50,6 +50,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points between thousands
 _DIGITS = 3  # Number of digits in a group of thousands
 _FEW = 1000  # Number of cells that are looked at first
+_ALIKE = 3  # Number of rows that show how many digits numbers have
 _PIECE = 50_000  # Number of lines that are split at a time
 
 
@@ -59,6 +60,7 @@ class CsvTable(Table):
 
     lines: list[str]  # Lines that hold samples
     rows: Sequence[int]  # Number of each of these lines in the file, as an editor shows it; the first line is 1
+    ended: bool = True  # False if no line break follows the last row, which may then be cut short
 
     def row(self, sample: int) -> int:
         """Return the row of a sample in the file, counted as in an editor."""
@@ -72,6 +74,13 @@ class CsvTable(Table):
 
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns in SI units, or in those of `wanted`, (len(columns), n), exactly rounded."""
+        found = self._values(columns, missing)
+        if not self.ended:
+            self._require_whole_end(columns)
+        return found
+
+    def _values(self, columns: Sequence[int], missing: Collection[int]) -> NDArray[np.float64]:
+        """Return columns in their units, (len(columns), n)."""
         if (even := self._of_even_rows([column for column in columns if column not in self.scales])) is not None:
             rest = iter(even)
             found = [self._numbers(k, [*self.texts(k)]) if k in self.scales else next(rest) for k in columns]
@@ -97,6 +106,24 @@ class CsvTable(Table):
         if len(known) < len(columns):
             raise self._bad_cell(columns, missing)
         return np.array(known)
+
+    def _require_whole_end(self, columns: Sequence[int]) -> None:
+        """Refuse a last number that seems cut short: its row lacks cells, or it lacks digits that all others have."""
+        *before, last = [split_cells(line, self.delimiter) for line in self.lines[-_FEW:]]
+        column = len(last) - 1
+        others = [
+            _digits(row[column]) for row in before if column < len(row) and is_number(row[column].replace(",", "."))
+        ]
+        if column not in columns or max(columns) > column or len(others) < _ALIKE:
+            return
+        fewest = tuple(map(min, zip(*others, strict=True)))
+        whole, *parts = zip(_digits(last[column]), fewest, strict=True)
+        cut = any(own < few for own, few in parts) or (not any(few for _, few in parts) and whole[0] < whole[1])
+        if cut or len(last) < min(map(len, before)):
+            raise DataError(
+                f'{self.where(len(self.lines) - 1)}, column "{self.shown(column)}": the file ends within this row, and '
+                f"{clipped(last[column])} may be cut short: remove the row, or put a line break behind it if it is complete"
+            )
 
     def _of_even_rows(self, columns: Sequence[int]) -> NDArray[np.float64] | None:
         """Return columns of numbers piece by piece, which takes a third of the time and memory.
@@ -276,6 +303,13 @@ class CsvTable(Table):
         return DataError(f"{self.path}: the samples cannot be read as numbers")
 
 
+def _digits(cell: str) -> tuple[int, int, int]:
+    """Return how many digits a number has before and behind its decimal sign, and in its exponent."""
+    mantissa, _, exponent = cell.lower().partition("e")
+    whole, _, decimals = mantissa.replace(",", ".").partition(".")
+    return len(whole.strip("+-")), len(decimals), len(exponent.strip("+-"))
+
+
 def _may_be_thousands(cells: Sequence[str]) -> bool:
     """Return whether all points in cells may part thousands, and 999 stands among them."""
     hundreds = any("." not in cell and len(cell.strip("+- ")) == _DIGITS for cell in cells)
@@ -305,7 +339,8 @@ def read_table(path: str | Path) -> CsvTable:
     text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
     text = _DASH.sub("-", text) if "\u2013" in text else text
     lines = text.split("\n")
-    return table_of(lines, range(1, len(lines) + 1), name, hashlib.sha256(content).hexdigest())
+    table = table_of(lines, range(1, len(lines) + 1), name, hashlib.sha256(content).hexdigest())
+    return replace(table, ended=not lines[-1].strip())
 
 
 def _unzipped(content: bytes, path: str) -> bytes:

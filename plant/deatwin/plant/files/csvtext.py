@@ -84,7 +84,9 @@ def decode(content: bytes, path: str) -> str:
         except UnicodeDecodeError as error:
             raise DataError(f"{path}: the UTF-16 text breaks off at byte {error.start}; save the file again") from None
     written = content.rstrip(b"\0\x1a")  # a logger that loses power leaves the rest unwritten; DOS marks the end
-    content = written if written.endswith(b"\n") else content  # in the middle of a row, a number may be cut
+    if content.endswith(b"\0") and b"\0" not in written and not written.endswith((b"\n", b"\r")):
+        raise DataError(f"{path}: it breaks off within a row, and zeros follow; remove them and the row")
+    content = written
     if b"\0" in content:
         book = "; end the name of an Excel workbook in .xlsx, and unpack a zip file" if content[:2] == b"PK" else ""
         raise DataError(f"{path}: not a text file; save the table as CSV in UTF-8{book}")

@@ -152,8 +152,49 @@ def test_a_power_cut_within_a_row_is_refused_and_one_between_rows_is_not(tmp_pat
     (tmp_path / "r.csv").write_bytes(table.encode() + bytes(64))
     assert read_recording(tmp_path / "r.csv").n_samples == len(ROWS)
     (tmp_path / "r.csv").write_bytes(table.encode()[:-3] + bytes(64))  # the last number is cut
-    with pytest.raises(DataError, match="not a text file"):
+    with pytest.raises(DataError, match="breaks off within a row, and zeros follow; remove them and the row"):
         read_recording(tmp_path / "r.csv")
+
+
+@pytest.mark.parametrize(
+    ("form", "lost"),
+    [("{:.4f}", 1), ("{:.4f}", 4), ("{:.6e}", 1), ("{:.6e}", 4), ("{!r}", 9), ("{:.1f}", 2), ("{:05.0f}", 2)],
+)
+@pytest.mark.parametrize("ending", ["csv", "lvm"])
+def test_a_number_that_is_cut_short_at_the_end_is_no_value(tmp_path: Path, form: str, lost: int, ending: str) -> None:
+    values = (1000.0 * np.random.default_rng(5).uniform(2.0, 3.0, 40) ** 0.5).tolist()
+    rows = [f"{t:.2f},{u:.4f},{form.format(y)}" for t, u, y in zip(T, U, values, strict=True)]
+    head = [HEAD]
+    if ending == "lvm":
+        head = [
+            "LabVIEW Measurement",
+            "Separator,Comma",
+            "***End_of_Header***",
+            "Channels,2",
+            "***End_of_Header***",
+            HEAD,
+        ]
+    whole = "\n".join([*head, *rows])
+    path = tmp_path / f"r.{ending}"
+    for text in (whole, f"{whole}\n", whole[:-lost] + "\n"):  # with its line break, the last number is complete
+        path.write_text(text, encoding="utf-8")
+        assert read_recording(path).n_samples == 40
+    path.write_text(whole[:-lost], encoding="utf-8")
+    with pytest.raises(
+        DataError, match=r'row \d+, column "displacement_mm": the file ends within this row, and .* line break'
+    ):
+        read_recording(path)
+
+
+def test_a_number_before_cells_that_are_lost_is_no_value(tmp_path: Path) -> None:
+    text = "\n".join([f"{HEAD},status", *(f"{row},on" for row in ROWS)])
+    for lost, refused in ((0, False), (2, True), (3, True), (4, True)):
+        (tmp_path / "r.csv").write_text(text[: len(text) - lost], encoding="utf-8")
+        if refused:
+            with pytest.raises(DataError, match=r'row 41, column "displacement_mm": the file ends within this row'):
+                read_recording(tmp_path / "r.csv")
+        else:
+            assert read_recording(tmp_path / "r.csv").n_samples == 40
 
 
 @pytest.mark.parametrize("form", ["12:00:0{}.{}", "2024-05-01 12:00:0{}.{}", "{}.{}"])
