@@ -31,7 +31,7 @@ from deatwin.plant.files.csvtext import (
     without_index_line,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
-from deatwin.plant.files.formats.table import OVERFLOW, Declared, Table
+from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.units import Unit, find_unit
 from deatwin.plant.files.usual import LIKE_TIMES
@@ -161,7 +161,8 @@ class CsvTable(Table):
                 except (ValueError, ArithmeticError):
                     return None
         clear = "," not in seen or ("." not in seen and "sure" in seen)
-        return found if clear and np.isfinite(found).all() and (np.abs(found) <= OVERFLOW).all() else None
+        fits = all(map(self._fits, columns, found))
+        return found if clear and fits else None
 
     def _of_short_rows(
         self, rows: Sequence[Sequence[str]], columns: Sequence[int], missing: Collection[int]
@@ -183,7 +184,11 @@ class CsvTable(Table):
             found = np.asarray(scale.seconds(cells) if scale else _si(cells, self.unit(column)), dtype=np.float64)
         except (ValueError, TypeError, ArithmeticError):  # ArithmeticError: outside the range of Decimal
             return None
-        return found if np.isfinite(found).all() and (np.abs(found) <= OVERFLOW).all() else None
+        return found if self._fits(column, found) else None
+
+    def _fits(self, column: int, values: NDArray[np.float64]) -> bool:
+        """Return whether SI values (n,) are finite, and none marks an overflow."""
+        return bool(np.isfinite(values).all() and (np.abs(values) <= self.largest(column)).all())
 
     def _dated(self, column: int) -> bool:
         """Return whether a column holds dates or times of day."""
@@ -296,9 +301,10 @@ class CsvTable(Table):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number{_advice(cell)}')
                 if not np.isfinite(number := np.array(float(cell.replace(",", ".")))):
                     return DataError(f"{place}: {clipped(cell)} is not a finite number")
-                if np.abs(self.unit(column).to_si(number)) > OVERFLOW:
+                if np.abs(self.unit(column).to_si(number)) > self.largest(column):
                     return DataError(
-                        f"{place}: {clipped(cell)} marks an overflow or a missing value; leave the cell empty"
+                        f"{place}: {clipped(cell)} marks an overflow or a missing value; leave the cell empty, or give a "
+                        "true value in a larger unit"
                     )
         return DataError(f"{self.path}: the samples cannot be read as numbers")
 

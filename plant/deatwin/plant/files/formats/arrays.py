@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.formats.table import OVERFLOW, Declared, Table, Timing
+from deatwin.plant.files.formats.table import Declared, Table, Timing
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, find_unit
@@ -79,7 +79,7 @@ class ArrayTable(Table):
                     f'{self.where(sample)}, column "{self.shown(column)}": {values[sample]} is not a finite number'
                 )
         found = np.array([self._si(column) for column in columns])
-        if (large := np.abs(found) > OVERFLOW).any():
+        if (large := np.abs(found) > np.array([[self.largest(column)] for column in columns])).any():
             place, sample = np.argwhere(large)[0]
             raise DataError(
                 f'{self.where(sample)}, column "{self.shown(columns[place])}": {self.columns[columns[place]][sample]:g} marks '
