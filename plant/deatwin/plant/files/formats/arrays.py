@@ -22,6 +22,7 @@ _SCALING = re.compile(
     r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset|factor|multiplier|conversion)([ _].*)?|.*per[ _]?(count|bit|lsb)"
 )
 """Names of attributes that may say how numbers become values; of whole numbers, the resolution may, too."""
+_FILLS = ("_FillValue", "missing_value")  # Attributes that name the numbers in place of missing values
 _COUNTED = ("", "1", "count", "counts", "adu", "dn", "lsb", "raw")  # Units, in lower case, of values that are counts
 
 
@@ -163,6 +164,40 @@ def require_no_scale(attributes: Mapping[str, Any], place: str, path: str, *, wh
                 "which is not applied; scale the values and remove it, or only remove it if they are in "
                 f"{clipped(unit)} already (in HDF5 and NetCDF, scale_factor and add_offset are applied)"
             )
+
+
+def unscaled(packed: np.ndarray, attributes: Mapping[str, Any], place: str, path: str) -> np.ndarray:
+    """Return values unpacked as sections 2.5 and 8.1 of the CF conventions say; missing and invalid ones become nan."""
+    known = numeric(attributes)
+    if not known.keys() & {"scale_factor", "add_offset"}:
+        require_no_scale(attributes, place, path, whole=packed.dtype.kind in "iu")
+    if packed.dtype.kind == "i" and attributes.get("_Unsigned") in ("true", b"true"):
+        packed = packed.view(packed.dtype.str.replace("i", "u"))
+    fills = [np.ravel(attributes[name]) for name in _FILLS if name in attributes]
+    limits = {
+        name: np.ravel(attributes[name]) for name in ("valid_range", "valid_min", "valid_max") if name in attributes
+    }
+    if packed.dtype.kind not in "fiu" or not (fills or limits or known.keys() & {"scale_factor", "add_offset"}):
+        return packed
+    values = packed.astype(np.float64) * float(known.get("scale_factor", 1.0)) + float(known.get("add_offset", 0.0))
+    absent = np.zeros(packed.shape, dtype=bool)
+    for numbers in (fill for fill in fills if fill.dtype.kind in "fiu"):
+        with np.errstate(invalid="ignore"):
+            absent |= np.isin(packed, numbers.astype(packed.dtype))
+    for name, numbers in limits.items():
+        if numbers.dtype.kind not in "fiu" or numbers.size != 1 + (name == "valid_range"):
+            raise DataError(f'{path}: the attribute "{name}" of "{clipped(place)}" is {clipped(numbers)}; remove it')
+        # Limits have the type of the numbers that they limit.
+        limited = values if numbers.dtype.kind == "f" and packed.dtype.kind != "f" else packed
+        absent |= (limited < numbers[0]) & (name != "valid_max") | (limited > numbers[-1]) & (name != "valid_min")
+    return np.where(absent, np.nan, values)
+
+
+def short_names(found: Mapping[str, Any]) -> dict[str, str]:
+    """Return field names without the names of their structs or groups, if they stay unique."""
+    last = {name: name.rpartition(".")[2] for name in found if not re.match(r"(?i)units?\.", name)}
+    ends = list(last.values())
+    return {name: last[name] if ends.count(last.get(name, "")) == 1 else name for name in found}
 
 
 def numeric(attributes: Mapping[str, Any]) -> dict[str, Any]:
