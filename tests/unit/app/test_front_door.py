@@ -141,6 +141,9 @@ FILES = {
     "hole.csv": table(row_8="0.12,,0.3"),
     "text.csv": table(row_8="0.12,off,0.3"),
     "over.csv": table(row_8="0.12,9.9E+37,0.3"),
+    "unfinished.csv": table().rstrip()[:-1],
+    "minutes.csv": table("time,command_V,displacement_mm", samples=0)
+    + "".join(f"14{k:02}00,{2 + math.sin(k):.4f},0.3\n" for k in range(40)),
     "timeless.csv": table(row_8=",2.0,0.3"),
     "short.csv": table(row_8="0.12"),
     "broken.csv": table(row_41="0.78"),
@@ -281,6 +284,7 @@ FILES = {
 BYTES = {
     "binary.csv": bytes(range(256)),
     "utf16.csv": table().encode("utf-16")[:-1],
+    "powerless.csv": table().rstrip()[:-1].encode() + bytes(64),
     "half.csv.gz": gzip.compress(table().encode(), mtime=0)[:-20],
     "latin.toml": RIG.replace("VHB", "Élastomère").encode("latin-1"),
 }
@@ -447,6 +451,9 @@ def write_recordings(desk: Path) -> None:
     with File(desk / "gained.h5", "w") as file:
         file["command"] = np.arange(40)
         file["command"].attrs.update({"units": "V", "gain": 0.005})
+    with File(desk / "limits.h5", "w") as file:
+        file["command"] = np.arange(40)
+        file["command"].attrs["valid_range"] = "0 to 5"
     hertz = {"wf_increment": 0.02, "wf_xunit_string": "Hz"}
     with TdmsWriter(desk / "spectrum.tdms") as file:
         file.write_segment([ChannelObject("one", name, values, hertz) for name, values in timeless.items()])

@@ -84,14 +84,15 @@ class ArrayTable(Table):
             place, sample = np.argwhere(large)[0]
             raise DataError(
                 f'{self.where(sample)}, column "{self.shown(columns[place])}": {self.columns[columns[place]][sample]:g} marks '
-                "an overflow or a missing value; put NaN in its place"
+                "an overflow or a missing value; put NaN in its place, or give a true value in a larger unit"
             )
         return found
 
     def _si(self, column: int) -> NDArray[np.float64]:
         """Return a column in the wanted unit; values already in this unit stay unchanged, including -0.0."""
         if scale := self.scales.get(column):
-            return self._since_first(column, scale)
+            times = [*self.texts(column)] if scale.texts else []
+            return np.array(scale.seconds(times)) if times else self._since_first(column, scale)
         values, unit = self.columns[column].astype(np.float64), self.unit(column)
         return values if unit.is_si else unit.to_si(values)
 
