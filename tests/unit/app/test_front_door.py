@@ -145,6 +145,8 @@ FILES = {
     "unfinished.csv": table().rstrip()[:-1],
     "minutes.csv": table("time,command_V,displacement_mm", samples=0)
     + "".join(f"14{k:02}00,{2 + math.sin(k):.4f},0.3\n" for k in range(40)),
+    "factors.csv": table(HEADER + "\nx1,x1,x0.001"),
+    "rows.csv": "time_s,0,0.1,0.2,0.3\ncommand_V,1,2,3,4\ndisplacement_mm,2,3,4,5\n",
     "timeless.csv": table(row_8=",2.0,0.3"),
     "short.csv": table(row_8="0.12"),
     "broken.csv": table(row_41="0.78"),

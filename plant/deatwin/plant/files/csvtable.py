@@ -34,6 +34,7 @@ from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.units import Unit, find_unit
+from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
 
@@ -380,6 +381,12 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         headers, units, said = names_and_units(list(layout.head), name)
         names = [split_unit(header)[0] for header in headers]
     else:
+        first = [split_cells(line, layout.delimiter)[0] for line in lines[:_FEW]]
+        if len(lines) < _FEW and all(cell in COLUMN_NAMES or split_unit(cell)[1] for cell in first):
+            raise DataError(
+                f'{name}, row {rows[0]}: "{clipped(first[0])}" and its samples run along the row; give each signal a column, '
+                "in Python with DataFrame.T of pandas"
+            )
         places = range(1, 1 + len(split_cells(lines[layout.first], layout.delimiter)))
         headers, names = [f"#{k}" for k in places], [f"column_{k}" for k in places]
         units = said = ["" for _ in places]

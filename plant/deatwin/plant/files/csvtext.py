@@ -54,6 +54,7 @@ NO_VALUE = frozenset(
     | {"#n/a", "#div/0!", "#num!", "#value!", "#ref!", "#name?", "#null!"}
 )
 """Marks of a missing value, in lower case: words and dashes, C's numbers that are none, and errors of Excel."""
+_FACTOR = re.compile(r"[xX×*]\s?(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)")
 _COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
 _GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|[\d:]*\d:\d\d,\d{3}(?!\d)")
 _THOUSANDS = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+(?![\d:])(?:\.\d+)?")
@@ -251,6 +252,14 @@ def is_number(cell: str) -> bool:
 
 def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
     """Return headers and units from the header lines, and the line of units."""
+    for cells in head[1:]:
+        factors = [_FACTOR.fullmatch(cell) for cell in cells]
+        wrong = next((found for found in factors if found and float(found[1]) != 1.0), None)
+        if wrong and all(found for found, cell in zip(factors, cells, strict=True) if cell):
+            raise DataError(
+                f'{path}: the line of factors in the header has "{clipped(wrong[0])}", which is not applied; multiply the '
+                "samples, or write the factor as a prefix of the unit, and remove the line"
+            )
     # A line with the channels' rates, ranges or the like may follow the names and units.
     head = head[:-1] if len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_quantities(head[-1]) else head
     head = _without_remarks(head)
@@ -306,7 +315,10 @@ def _are_units(cells: list[str]) -> bool:
     filled = [cell for cell in cells if cell and not _UNITS_LABEL.fullmatch(cell)]
     known = [cell for cell in filled if find_unit(cell)]
     return bool(known) and all(
-        cell in known or cell in ("-", "%", "1") or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*", cell) for cell in filled
+        cell in known
+        or cell in ("-", "%", "1")
+        or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*|(10\^?|1[eE])[-+]?\d+ ?\D+", cell)
+        for cell in filled
     )
 
 

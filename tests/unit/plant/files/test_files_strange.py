@@ -315,3 +315,37 @@ def test_a_unit_of_time_is_offered_only_where_no_more_than_capitals_differ(tmp_p
 def test_a_remark_behind_the_unit_belongs_to_the_name_and_a_factor_leaves_the_unit_unknown() -> None:
     assert split_unit("Weg [mm] (gemittelt)") == ("Weg (gemittelt)", "mm")
     assert split_unit("x [mm] (x10)")[1] == ""
+
+
+@pytest.mark.parametrize(
+    ("lines", "fault"),
+    [
+        ([HEAD, "x1,x1,x0.001", *ROWS], 'the line of factors in the header has "x0.001", which is not applied'),
+        ([HEAD, "x1,*10,x1", *ROWS], r'the line of factors in the header has "\*10"'),
+        (
+            [
+                ",".join(["time_s", *map(str, T)]),
+                ",".join(["command_V", *map(str, U)]),
+                ",".join(["y_mm", *map(str, Y)]),
+            ],
+            'row 1: "time_s" and its samples run along the row; give each signal a column, in Python with DataFrame.T',
+        ),
+        (
+            ["minute,second,command_V,displacement_mm"]
+            + [f"{k // 120},{0.5 * (k % 120):.1f},{k % 7},{k % 5}" for k in range(200)],
+            "row 122: .* the seconds of a minute begin again: write hours, minutes and seconds in one column",
+        ),
+    ],
+)
+def test_a_layout_that_would_mislead_is_named(tmp_path: Path, lines: list[str], fault: str) -> None:
+    (tmp_path / "r.csv").write_text("\n".join([*lines, ""]), encoding="utf-8")
+    with pytest.raises(DataError, match=fault):
+        read_recording(tmp_path / "r.csv")
+
+
+def test_a_line_of_units_may_hold_powers_of_ten(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("\n".join(["time,cmd,laser", "s,V,10^-3 m", *ROWS, ""]), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="cmd", output_column="laser")
+    assert (found.input_units, found.output_units) == (("V",), ("10^-3 m",))
+    (tmp_path / "r.csv").write_text("\n".join([HEAD, "x1,X 1.0,x1", *ROWS, ""]), encoding="utf-8")
+    assert read_recording(tmp_path / "r.csv").outputs[0, 0] == pytest.approx(5e-3)
