@@ -84,9 +84,9 @@ class CsvTable(Table):
         """Return columns in their units, (len(columns), n)."""
         if (even := self._of_even_rows([column for column in columns if column not in self.scales])) is not None:
             rest = iter(even)
-            found = [self._numbers(k, [*self.texts(k)]) if k in self.scales else next(rest) for k in columns]
-            if all(values is not None for values in found):
-                return np.array(found)
+            read = (self._numbers(k, [*self.texts(k)]) if k in self.scales else next(rest) for k in columns)
+            if len(whole := [values for values in read if values is not None]) == len(columns):
+                return np.array(whole)
         rows = self._cells()
         try:
             texts = [[row[column] for row in rows] for column in columns]
@@ -134,7 +134,8 @@ class CsvTable(Table):
         count, mark = len(self.headers), self.delimiter
         separator = f"{mark}\0{mark}"  # between the rows, so that cells of even rows are count + 1 apart
         units = [self.unit(column) for column in columns]
-        found, seen = np.empty((len(columns), len(self.lines))), set()
+        found = np.empty((len(columns), len(self.lines)))
+        seen: set[str] = set()  # Signs in the cells, and whether a comma is certainly a decimal one
         for first in range(0, len(self.lines), _PIECE):
             text = separator.join(piece := self.lines[first : first + _PIECE])
             cells = text.split() if mark == BLANKS else text.split(mark)
@@ -147,13 +148,10 @@ class CsvTable(Table):
             for k, column in enumerate(columns):
                 part = cells[column :: count + 1]
                 said = "\0".join(part)
-                seen |= {sign for sign in ",." if sign in said}
+                seen.update(sign for sign in ",." if sign in said)
                 if "," in said:
-                    seen |= (
-                        {"sure"}
-                        if any("," in cell and not _THOUSANDS.fullmatch(cell.strip()) for cell in part)
-                        else set()
-                    )
+                    if any("," in cell and not _THOUSANDS.fullmatch(cell.strip()) for cell in part):
+                        seen.add("sure")
                     part = said.replace(",", ".").split("\0")
                 elif not first and _may_be_thousands(part[:_FEW]):
                     return None

@@ -6,7 +6,7 @@ Nothing is guessed: only one delimiter may give the header as many cells as the 
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from deatwin.plant.errors import DataError
@@ -226,7 +226,7 @@ def grouped(line: str, delimiter: str) -> str:
     return f"; is {found[0]} one number? Then write it without the comma" if found else ""
 
 
-def require_whole_numbers(lines: list[str], rows: list[int], widths: list[int], count: int, path: str) -> None:
+def require_whole_numbers(lines: list[str], rows: Sequence[int], widths: list[int], count: int, path: str) -> None:
     """Refuse lines, separated by commas, that a comma between thousands lengthens beyond the header's `count` of cells.
 
     The last cells are empty, so that the numbers behind the comma would be read one column too far left.

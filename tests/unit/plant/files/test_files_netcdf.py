@@ -85,6 +85,8 @@ def test_packed_values(path: Path) -> None:
         {"valid_range": [10, 40]},
         {"missing_value": [7, 9, 41], "valid_max": 41},
         {"_FillValue": 9},
+        {"fill_value": 9},
+        {"NoData": 9},
     ],
 )
 @pytest.mark.parametrize("ending", ["nc", "h5", "version 3"])
@@ -97,7 +99,7 @@ def test_numbers_outside_their_valid_range_are_missing(tmp_path: Path, kind: str
     attributes = {name: np.asarray(value).astype(signed.dtype) for name, value in limits.items()}
     attributes |= {"scale_factor": 0.5, "add_offset": 1.0, "units": "mm"}
     attributes |= {"_Unsigned": "true"} if "uint8" in kind else {}
-    lost = [3] if "_FillValue" in limits else [3, 20]
+    lost = [3, 20] if {"valid_max", "valid_range"} & limits.keys() else [3]
     signals = {
         "time": (TIME, {"units": "s"}),
         "command": (COMMAND, {"units": "V"}),

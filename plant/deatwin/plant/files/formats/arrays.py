@@ -22,7 +22,9 @@ _SCALING = re.compile(
     r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset|factor|multiplier|conversion)([ _].*)?|.*per[ _]?(count|bit|lsb)"
 )
 """Names of attributes that may say how numbers become values; of whole numbers, the resolution may, too."""
-_FILLS = ("_FillValue", "missing_value")  # Attributes that name the numbers in place of missing values
+_FILLS = re.compile(
+    r"(?i)_?fill_?value|missing_?value|no_?data(_?value)?"
+)  # Attributes that name the numbers in place of missing values
 _COUNTED = ("", "1", "count", "counts", "adu", "dn", "lsb", "raw")  # Units, in lower case, of values that are counts
 
 
@@ -174,7 +176,7 @@ def unscaled(packed: np.ndarray, attributes: Mapping[str, Any], place: str, path
         require_no_scale(attributes, place, path, whole=packed.dtype.kind in "iu")
     if packed.dtype.kind == "i" and attributes.get("_Unsigned") in ("true", b"true"):
         packed = packed.view(packed.dtype.str.replace("i", "u"))
-    fills = [np.ravel(attributes[name]) for name in _FILLS if name in attributes]
+    fills = [np.ravel(value) for name, value in attributes.items() if _FILLS.fullmatch(name)]
     limits = {
         name: np.ravel(attributes[name]) for name in ("valid_range", "valid_min", "valid_max") if name in attributes
     }

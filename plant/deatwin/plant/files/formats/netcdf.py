@@ -55,7 +55,8 @@ def variables_of(content: bytes, path: str) -> tuple[dict[str, tuple[np.ndarray,
         with h5py.File(io.BytesIO(content), "r") as file:
             require_plain_hdf5(file, path)
             file.visititems(lambda name, node: groups.append(name) if isinstance(node, h5py.Group) else None)
-    found, attributes = {}, {}
+    found: dict[str, tuple[np.ndarray, str]] = {}
+    attributes: dict[str, str] = {}
     for group in groups:
         with xarray.open_dataset(Metered(content, path), group=group or None, **options) as dataset:
             for key, variable in dataset.variables.items():
