@@ -145,9 +145,10 @@ class CsvTable(Table):
                 or {*cells[count :: count + 1], "\0"} != {"\0"}
             ):
                 return None
+            commas = mark != "," and "," in text
             for k, column in enumerate(columns):
                 part = cells[column :: count + 1]
-                said = "\0".join(part)
+                said = "\0".join(part) if commas else ""
                 seen.update(sign for sign in ",." if sign in said)
                 if "," in said:
                     if any("," in cell and not _THOUSANDS.fullmatch(cell.strip()) for cell in part):
@@ -159,6 +160,7 @@ class CsvTable(Table):
                     found[k, first : first + len(piece)] = _si(part, units[k])
                 except (ValueError, ArithmeticError):
                     return None
+            seen.update("." if not commas and "." in text else "")
         clear = "," not in seen or ("." not in seen and "sure" in seen)
         fits = all(map(self._fits, columns, found))
         return found if clear and fits else None
@@ -362,10 +364,13 @@ def _unzipped(content: bytes, path: str) -> bytes:
 
 def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) -> CsvTable:
     """Return the table in lines of text, of which each has its number in the file."""
-    kept = [k for k, line in enumerate(lines) if line.strip()]
-    while kept and not lines[kept[-1]].strip(",;|\t "):  # empty rows of a spreadsheet
-        kept.pop()
-    rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
+    last = len(lines)
+    while last and not lines[last - 1].strip(",;|\t "):  # empty rows of a spreadsheet
+        last -= 1
+    rows, lines = rows[:last], list(lines[:last])
+    if not all(map(str.strip, lines)):
+        kept = [k for k, line in enumerate(lines) if line.strip()]
+        rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
     lines = [_FORTRAN.sub(r"\1E", line) if "D" in line or "d" in line else line for line in lines]
     declared = Declared()
     if lines and lines[0].startswith(DESCRIPTION):
@@ -463,8 +468,9 @@ def _si(cells: list[str], unit: Unit) -> NDArray[np.float64]:
     if "_" in text:
         raise ValueError("Python's own mark between thousands")
     exponent = power_of_ten(unit)
-    if exponent and not ("e" in text or "E" in text):
-        return np.array([float(f"{cell.strip()}e{exponent}") for cell in cells])
+    if exponent and not any(sign in text for sign in "eE \t"):
+        power = f"e{exponent}"
+        return np.array(list(map(float, f"{text}{power}".replace("\n", f"{power}\n").split("\n"))))
     return np.array(list(map(reader(unit), cells)))
 
 

@@ -103,7 +103,7 @@ def decode(content: bytes, path: str) -> str:
         return content.decode("gbk" if paired else "cp1252", errors="replace")
 
 
-def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
+def find_layout(lines: list[str], rows: Sequence[int], path: str) -> Layout:
     """Find the delimiter and the end of the header."""
     whole = "\n".join(lines)  # one search of the whole text is quicker than one of each line
     widths = {mark: _width(lines, mark) if mark in whole else 1 for mark in _DELIMITERS}
@@ -126,7 +126,7 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
     raise _no_layout(lines, rows, marks[0], path)
 
 
-def without_index_line(lines: list[str], rows: list[int]) -> tuple[list[str], list[int]]:
+def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str], Sequence[int]]:
     """Return lines and rows of a table of pandas without the line that names only its index, below several names.
 
     The name of the index is put before the names of the columns, where a level's name or nothing stands.
@@ -148,11 +148,11 @@ def without_index_line(lines: list[str], rows: list[int]) -> tuple[list[str], li
                 other if _are_units(row[1:]) else name + delimiter + other.partition(delimiter)[2]
                 for other, row in zip(head, cells[above:k], strict=True)
             ]
-        return [*lines[:above], *head, *lines[k + 1 :]], rows[:k] + rows[k + 1 :]
+        return [*lines[:above], *head, *lines[k + 1 :]], [*rows[:k], *rows[k + 1 :]]
     return lines, rows
 
 
-def require_no_settings(lines: list[str], rows: list[int], delimiter: str, path: str) -> None:
+def require_no_settings(lines: list[str], rows: Sequence[int], delimiter: str, path: str) -> None:
     """Refuse samples that begin or end with lines of a word and numbers, such as scales, units and mean values.
 
     If the first column holds neither numbers nor dates, a single word may belong to a sample, unless it names a setting.
@@ -356,8 +356,9 @@ def _are_quantities(cells: list[str]) -> bool:
 
 def _width(lines: list[str], delimiter: str) -> int:
     """Return the commonest number of cells in the second half of the lines; 1 without the delimiter."""
+    ends = f'{delimiter} "'
     counts = [
-        len(split_cells(line, delimiter)) if '"' in line else line.rstrip(delimiter + " ").count(delimiter) + 1
+        line.count(delimiter) + 1 if line[-1] not in ends and '"' not in line else len(split_cells(line, delimiter))
         for line in lines
     ]
     whole, half = Counter(counts), Counter(counts[len(counts) // 2 :])
@@ -510,7 +511,7 @@ def _holds_number(cells: list[str]) -> bool:
     return any(map(_is_value, cells))
 
 
-def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> DataError:
+def _no_layout(lines: list[str], rows: Sequence[int], delimiter: str, path: str) -> DataError:
     """Return an error for a file in which no header fits the samples."""
     cells = [split_cells(line, delimiter) for line in lines[:_HEAD]]
     numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
