@@ -236,9 +236,11 @@ rig_values = st.one_of(
 
 
 def in_order(rig: dict[str, Any]) -> bool:
-    """What a schema cannot say: the electrode inside the frame, the contact inside it, commands in their order."""
+    """What a schema cannot say: the electrode inside the frame, the contact inside it, commands in order and on a film."""
     film, drive = rig["film"], rig["drive"]
     commands = drive.get("command_min_V", -1e9) < drive.get("command_max_V", 1e9)
+    gain = 1.0 if "input" in drive else drive["gain"]
+    commands &= all(abs(gain * drive.get(f"command_{end}_V", 0.0)) <= 30e3 for end in ("min", "max"))
     return commands and film["frame_diameter_mm"] > film["electrode_diameter_mm"] > rig["load"]["contact_diameter_mm"]
 
 

@@ -13,12 +13,11 @@ from rig_files import SOUND
 
 from deatwin.plant.files import read_recording, write_csv, write_recording
 from deatwin.plant.files.csvtable import read_table
-from deatwin.plant.files.formats.table import OVERFLOW
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.rigfile import RigFile
 
-finite = st.floats(-0.1 * OVERFLOW, 0.1 * OVERFLOW)  # larger ones mark an overflow in the files of instruments
+finite = st.floats(allow_nan=False, allow_infinity=False)
 moderate = st.floats(-1e6, 1e6, allow_subnormal=False)
 lengths = st.shared(st.integers(2, 40), key="samples")
 # Texts without lone surrogates, which no encoding holds; null characters end texts in MATLAB and TDMS files.
@@ -75,7 +74,7 @@ def test_recordings_survive_bit_for_bit(in_one_process: None, ending: str, recor
 
 
 @settings(deadline=None, max_examples=50)
-@given(columns=arrays(np.float64, st.tuples(st.integers(1, 4), lengths), elements=finite))
+@given(columns=arrays(np.float64, st.tuples(st.integers(1, 4), lengths), elements=st.floats(-1e29, 1e29)))
 def test_numbers_survive_bit_for_bit(columns: np.ndarray) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "table.csv"

@@ -10,9 +10,8 @@ from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.recording import UNSTATED, Experiment, Recording, label
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import DriveSpec
+from deatwin.plant.rigs.rigkeys import HIGHEST_FILM_VOLTAGE
 
-# Largest film voltage if the rig file states no command range, V: no amplifier for these actuators gives more.
-_HIGHEST_FILM_VOLTAGE = 30e3
 # Tolerated excess over the stated command range, as a share of its width.
 _RANGE_MARGIN = 0.5
 # Least share of the highest command that a column of film volts uses, once divided by the gain: it drives a film.
@@ -86,7 +85,7 @@ def _check_units(recording: Recording, rows: list[tuple[str, tuple[str, ...], tu
 
 def check_command_range(recording: Recording, drive: DriveSpec) -> None:
     """Raise an error for commands beyond the rig's range by more than half of it (30 kV if there is none)."""
-    ceiling = _HIGHEST_FILM_VOLTAGE / drive.gain
+    ceiling = HIGHEST_FILM_VOLTAGE / drive.gain
     low = -ceiling if drive.command_min is None else drive.command_min
     high = ceiling if drive.command_max is None else drive.command_max
     margin = _RANGE_MARGIN * (high - low)

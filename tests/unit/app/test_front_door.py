@@ -124,6 +124,7 @@ FILES = {
     "clockless.csv": table("number,command_V,displacement_mm"),
     "unit.csv": table("time_s,command_mm,displacement_mm"),
     "mega.csv": table("time_s,command_MV,displacement_mm"),
+    "scaled.csv": table("time_s,HV (V/kV),displacement_mm"),
     "celsius.csv": table("time_s,command_V,level_C"),
     "unitless.csv": table("t,voltage,disp"),
     "volts.csv": table("t,voltage,disp_V"),
@@ -141,6 +142,11 @@ FILES = {
     "hole.csv": table(row_8="0.12,,0.3"),
     "text.csv": table(row_8="0.12,off,0.3"),
     "over.csv": table(row_8="0.12,9.9E+37,0.3"),
+    "unfinished.csv": table().rstrip()[:-1],
+    "minutes.csv": table("time,command_V,displacement_mm", samples=0)
+    + "".join(f"14{k:02}00,{2 + math.sin(k):.4f},0.3\n" for k in range(40)),
+    "factors.csv": table(HEADER + "\nx1,x1,x0.001"),
+    "rows.csv": "time_s,0,0.1,0.2,0.3\ncommand_V,1,2,3,4\ndisplacement_mm,2,3,4,5\n",
     "timeless.csv": table(row_8=",2.0,0.3"),
     "short.csv": table(row_8="0.12"),
     "broken.csv": table(row_41="0.78"),
@@ -237,6 +243,10 @@ FILES = {
     "electrode.toml": RIG.replace("= 35.0", "= 90.0"),
     "contact.toml": RIG.replace("= 6.0", "= 36.0"),
     "ranged.toml": RIG.replace("gain = 800.0", "gain = 800.0\ncommand_min_V = 0\ncommand_max_V = 3"),
+    "kilovolts.toml": RIG.replace("gain = 800.0", "gain = 800.0\ncommand_min_V = 0\ncommand_max_V = 12000"),
+    "unborne.toml": RIG.replace("gain = 800.0", "gain = 800.0\ncommand_min_V = 0\ncommand_max_V = 15"),
+    "inner.toml": RIG.replace("[load]", "[rig.load]"),
+    "windows.toml": RIG.replace("VHB 4905", r"C:\new\vhb.toml"),
     "commands.toml": RIG.replace("gain = 800.0", "gain = 800.0\ncommand_min_V = 4\ncommand_max_V = 3"),
     "metres.toml": RIG.replace("= 0.5", "= 0.0005"),
     "huge.toml": RIG.replace("800.0", "8000000"),
@@ -281,6 +291,7 @@ FILES = {
 BYTES = {
     "binary.csv": bytes(range(256)),
     "utf16.csv": table().encode("utf-16")[:-1],
+    "powerless.csv": table().rstrip()[:-1].encode() + bytes(64),
     "half.csv.gz": gzip.compress(table().encode(), mtime=0)[:-20],
     "latin.toml": RIG.replace("VHB", "Élastomère").encode("latin-1"),
 }
@@ -447,6 +458,9 @@ def write_recordings(desk: Path) -> None:
     with File(desk / "gained.h5", "w") as file:
         file["command"] = np.arange(40)
         file["command"].attrs.update({"units": "V", "gain": 0.005})
+    with File(desk / "limits.h5", "w") as file:
+        file["command"] = np.arange(40)
+        file["command"].attrs["valid_range"] = "0 to 5"
     hertz = {"wf_increment": 0.02, "wf_xunit_string": "Hz"}
     with TdmsWriter(desk / "spectrum.tdms") as file:
         file.write_segment([ChannelObject("one", name, values, hertz) for name, values in timeless.items()])

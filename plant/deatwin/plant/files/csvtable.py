@@ -6,8 +6,8 @@ import hashlib
 import io
 import re
 import zlib
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from decimal import Context, Decimal
 from pathlib import Path
 
@@ -31,9 +31,10 @@ from deatwin.plant.files.csvtext import (
     without_index_line,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
-from deatwin.plant.files.formats.table import OVERFLOW, Declared, Table
+from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.units import Unit, find_unit
+from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
 
@@ -50,6 +51,8 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points between thousands
 _DIGITS = 3  # Number of digits in a group of thousands
 _FEW = 1000  # Number of cells that are looked at first
+_ALIKE = 3  # Number of rows that show how many digits numbers have
+_PIECE = 50_000  # Number of lines that are split at a time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +60,8 @@ class CsvTable(Table):
     """Header and sample lines of a CSV file, before conversion."""
 
     lines: list[str]  # Lines that hold samples
-    rows: list[int]  # Number of each of these lines in the file, as an editor shows it; the first line is 1
+    rows: Sequence[int]  # Number of each of these lines in the file, as an editor shows it; the first line is 1
+    ended: bool = True  # False if no line break follows the last row, which may then be cut short
 
     def row(self, sample: int) -> int:
         """Return the row of a sample in the file, counted as in an editor."""
@@ -71,6 +75,18 @@ class CsvTable(Table):
 
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns in SI units, or in those of `wanted`, (len(columns), n), exactly rounded."""
+        found = self._values(columns, missing)
+        if not self.ended:
+            self._require_whole_end(columns)
+        return found
+
+    def _values(self, columns: Sequence[int], missing: Collection[int]) -> NDArray[np.float64]:
+        """Return columns in their units, (len(columns), n)."""
+        if (even := self._of_even_rows([column for column in columns if column not in self.scales])) is not None:
+            rest = iter(even)
+            read = (self._numbers(k, [*self.texts(k)]) if k in self.scales else next(rest) for k in columns)
+            if len(whole := [values for values in read if values is not None]) == len(columns):
+                return np.array(whole)
         rows = self._cells()
         try:
             texts = [[row[column] for row in rows] for column in columns]
@@ -92,6 +108,63 @@ class CsvTable(Table):
             raise self._bad_cell(columns, missing)
         return np.array(known)
 
+    def _require_whole_end(self, columns: Sequence[int]) -> None:
+        """Refuse a last number that seems cut short: its row lacks cells, or it lacks digits that all others have."""
+        *before, last = [split_cells(line, self.delimiter) for line in self.lines[-_FEW:]]
+        column = len(last) - 1
+        others = [
+            _digits(row[column]) for row in before if column < len(row) and is_number(row[column].replace(",", "."))
+        ]
+        if column not in columns or max(columns) > column or len(others) < _ALIKE:
+            return
+        fewest = tuple(map(min, zip(*others, strict=True)))
+        whole, *parts = zip(_digits(last[column]), fewest, strict=True)
+        cut = any(own < few for own, few in parts) or (not any(few for _, few in parts) and whole[0] < whole[1])
+        if cut or len(last) < min(map(len, before)):
+            raise DataError(
+                f'{self.where(len(self.lines) - 1)}, column "{self.shown(column)}": the file ends within this row, and '
+                f"{clipped(last[column])} may be cut short: remove the row, or put a line break behind it if it is complete"
+            )
+
+    def _of_even_rows(self, columns: Sequence[int]) -> NDArray[np.float64] | None:
+        """Return columns of numbers piece by piece, which takes a third of the time and memory.
+
+        None if anything needs a closer look: rows of different lengths, quotation marks, cells without a finite number.
+        """
+        count, mark = len(self.headers), self.delimiter
+        separator = f"{mark}\0{mark}"  # between the rows, so that cells of even rows are count + 1 apart
+        units = [self.unit(column) for column in columns]
+        found = np.empty((len(columns), len(self.lines)))
+        seen: set[str] = set()  # Signs in the cells, and whether a comma is certainly a decimal one
+        for first in range(0, len(self.lines), _PIECE):
+            text = separator.join(piece := self.lines[first : first + _PIECE])
+            cells = text.split() if mark == BLANKS else text.split(mark)
+            if (
+                '"' in text
+                or len(cells) != (count + 1) * len(piece) - 1
+                or {*cells[count :: count + 1], "\0"} != {"\0"}
+            ):
+                return None
+            commas = mark != "," and "," in text
+            for k, column in enumerate(columns):
+                part = cells[column :: count + 1]
+                said = "\0".join(part) if commas else ""
+                seen.update(sign for sign in ",." if sign in said)
+                if "," in said:
+                    if any("," in cell and not _THOUSANDS.fullmatch(cell.strip()) for cell in part):
+                        seen.add("sure")
+                    part = said.replace(",", ".").split("\0")
+                elif not first and _may_be_thousands(part[:_FEW]):
+                    return None
+                try:
+                    found[k, first : first + len(piece)] = _si(part, units[k])
+                except (ValueError, ArithmeticError):
+                    return None
+            seen.update("." if not commas and "." in text else "")
+        clear = "," not in seen or ("." not in seen and "sure" in seen)
+        fits = all(map(self._fits, columns, found))
+        return found if clear and fits else None
+
     def _of_short_rows(
         self, rows: Sequence[Sequence[str]], columns: Sequence[int], missing: Collection[int]
     ) -> list[list[str]]:
@@ -112,7 +185,11 @@ class CsvTable(Table):
             found = np.asarray(scale.seconds(cells) if scale else _si(cells, self.unit(column)), dtype=np.float64)
         except (ValueError, TypeError, ArithmeticError):  # ArithmeticError: outside the range of Decimal
             return None
-        return found if np.isfinite(found).all() and (np.abs(found) <= OVERFLOW).all() else None
+        return found if self._fits(column, found) else None
+
+    def _fits(self, column: int, values: NDArray[np.float64]) -> bool:
+        """Return whether SI values (n,) are finite, and none marks an overflow."""
+        return bool(np.isfinite(values).all() and (np.abs(values) <= self.largest(column)).all())
 
     def _dated(self, column: int) -> bool:
         """Return whether a column holds dates or times of day."""
@@ -183,11 +260,7 @@ class CsvTable(Table):
 
     def _require_no_thousands(self, column: int, cells: list[str]) -> None:
         """Refuse a column in which 999 and 1.234 stand, and no number that shows whether the point parts thousands."""
-        first = cells[:_FEW]
-        if not all(map(_INTEGER.fullmatch, map(str.strip, first))) or not any("." in cell for cell in first):
-            return
-        hundreds = any("." not in cell and len(cell.strip("+- ")) == _DIGITS for cell in first)
-        if not hundreds or not all(map(_INTEGER.fullmatch, map(str.strip, cells))):
+        if not _may_be_thousands(cells[:_FEW]) or not all(map(_INTEGER.fullmatch, map(str.strip, cells))):
             return
         sample = next(k for k, cell in enumerate(cells) if "." in cell)
         raise DataError(
@@ -229,11 +302,25 @@ class CsvTable(Table):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number{_advice(cell)}')
                 if not np.isfinite(number := np.array(float(cell.replace(",", ".")))):
                     return DataError(f"{place}: {clipped(cell)} is not a finite number")
-                if np.abs(self.unit(column).to_si(number)) > OVERFLOW:
+                if np.abs(self.unit(column).to_si(number)) > self.largest(column):
                     return DataError(
-                        f"{place}: {clipped(cell)} marks an overflow or a missing value; leave the cell empty"
+                        f"{place}: {clipped(cell)} marks an overflow or a missing value; leave the cell empty, or give a "
+                        "true value in a larger unit"
                     )
         return DataError(f"{self.path}: the samples cannot be read as numbers")
+
+
+def _digits(cell: str) -> tuple[int, int, int]:
+    """Return how many digits a number has before and behind its decimal sign, and in its exponent."""
+    mantissa, _, exponent = cell.lower().partition("e")
+    whole, _, decimals = mantissa.replace(",", ".").partition(".")
+    return len(whole.strip("+-")), len(decimals), len(exponent.strip("+-"))
+
+
+def _may_be_thousands(cells: Sequence[str]) -> bool:
+    """Return whether all points in cells may part thousands, and 999 stands among them."""
+    hundreds = any("." not in cell and len(cell.strip("+- ")) == _DIGITS for cell in cells)
+    return hundreds and any("." in cell for cell in cells) and all(map(_INTEGER.fullmatch, map(str.strip, cells)))
 
 
 def _advice(cell: str) -> str:
@@ -258,7 +345,9 @@ def read_table(path: str | Path) -> CsvTable:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
     text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
     text = _DASH.sub("-", text) if "\u2013" in text else text
-    return table_of(enumerate(text.split("\n"), 1), name, hashlib.sha256(content).hexdigest())
+    lines = text.split("\n")
+    table = table_of(lines, range(1, len(lines) + 1), name, hashlib.sha256(content).hexdigest())
+    return replace(table, ended=not lines[-1].strip())
 
 
 def _unzipped(content: bytes, path: str) -> bytes:
@@ -273,23 +362,34 @@ def _unzipped(content: bytes, path: str) -> bytes:
     return text
 
 
-def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> CsvTable:
-    """Return the table in lines of text."""
-    filled = [(row, line) for row, line in numbered if line.strip()]
-    filled = [(row, _FORTRAN.sub(r"\1E", line) if "D" in line or "d" in line else line) for row, line in filled]
-    while filled and not filled[-1][1].strip(",;|\t "):  # empty rows of a spreadsheet
-        filled.pop()
+def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) -> CsvTable:
+    """Return the table in lines of text, of which each has its number in the file."""
+    last = len(lines)
+    while last and not lines[last - 1].strip(",;|\t "):  # empty rows of a spreadsheet
+        last -= 1
+    rows, lines = rows[:last], list(lines[:last])
+    if not all(map(str.strip, lines)):
+        kept = [k for k, line in enumerate(lines) if line.strip()]
+        rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
+    lines = [_FORTRAN.sub(r"\1E", line) if "D" in line or "d" in line else line for line in lines]
     declared = Declared()
-    if filled and filled[0][1].startswith(DESCRIPTION):
-        declared = read_description(filled.pop(0)[1].removeprefix(DESCRIPTION), name)
-    if not filled:
+    if lines and lines[0].startswith(DESCRIPTION):
+        declared = read_description(lines[0].removeprefix(DESCRIPTION), name)
+        rows, lines = rows[1:], lines[1:]
+    if not lines:
         raise DataError(f"{name}: the file is empty; it must hold a header, with the names of its columns, and samples")
-    lines, rows = without_index_line([line for _, line in filled], [row for row, _ in filled])
+    lines, rows = without_index_line(lines, rows)
     layout = find_layout(lines, rows, name)
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)
         names = [split_unit(header)[0] for header in headers]
     else:
+        first = [split_cells(line, layout.delimiter)[0] for line in lines[:_FEW]]
+        if len(lines) < _FEW and all(cell in COLUMN_NAMES or split_unit(cell)[1] for cell in first):
+            raise DataError(
+                f'{name}, row {rows[0]}: "{clipped(first[0])}" and its samples run along the row; give each signal a column, '
+                "in Python with DataFrame.T of pandas"
+            )
         places = range(1, 1 + len(split_cells(lines[layout.first], layout.delimiter)))
         headers, names = [f"#{k}" for k in places], [f"column_{k}" for k in places]
         units = said = ["" for _ in places]
@@ -364,8 +464,13 @@ def power_of_ten(unit: Unit) -> int | None:
 
 def _si(cells: list[str], unit: Unit) -> NDArray[np.float64]:
     """Return the numbers of a column in SI units."""
-    if any("_" in cell for cell in cells):
+    text = "\n".join(cells)
+    if "_" in text:
         raise ValueError("Python's own mark between thousands")
+    exponent = power_of_ten(unit)
+    if exponent and not any(sign in text for sign in "eE \t"):
+        power = f"e{exponent}"
+        return np.array(list(map(float, f"{text}{power}".replace("\n", f"{power}\n").split("\n"))))
     return np.array(list(map(reader(unit), cells)))
 
 

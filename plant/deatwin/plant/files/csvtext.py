@@ -6,7 +6,7 @@ Nothing is guessed: only one delimiter may give the header as many cells as the 
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from deatwin.plant.errors import DataError
@@ -54,6 +54,7 @@ NO_VALUE = frozenset(
     | {"#n/a", "#div/0!", "#num!", "#value!", "#ref!", "#name?", "#null!"}
 )
 """Marks of a missing value, in lower case: words and dashes, C's numbers that are none, and errors of Excel."""
+_FACTOR = re.compile(r"[xX×*]\s?(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)")
 _COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
 _GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|[\d:]*\d:\d\d,\d{3}(?!\d)")
 _THOUSANDS = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+(?![\d:])(?:\.\d+)?")
@@ -84,7 +85,9 @@ def decode(content: bytes, path: str) -> str:
         except UnicodeDecodeError as error:
             raise DataError(f"{path}: the UTF-16 text breaks off at byte {error.start}; save the file again") from None
     written = content.rstrip(b"\0\x1a")  # a logger that loses power leaves the rest unwritten; DOS marks the end
-    content = written if written.endswith(b"\n") else content  # in the middle of a row, a number may be cut
+    if content.endswith(b"\0") and b"\0" not in written and not written.endswith((b"\n", b"\r")):
+        raise DataError(f"{path}: it breaks off within a row, and zeros follow; remove them and the row")
+    content = written
     if b"\0" in content:
         book = "; end the name of an Excel workbook in .xlsx, and unpack a zip file" if content[:2] == b"PK" else ""
         raise DataError(f"{path}: not a text file; save the table as CSV in UTF-8{book}")
@@ -100,9 +103,10 @@ def decode(content: bytes, path: str) -> str:
         return content.decode("gbk" if paired else "cp1252", errors="replace")
 
 
-def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
+def find_layout(lines: list[str], rows: Sequence[int], path: str) -> Layout:
     """Find the delimiter and the end of the header."""
-    widths = {mark: _width(lines, mark) for mark in _DELIMITERS}
+    whole = "\n".join(lines)  # one search of the whole text is quicker than one of each line
+    widths = {mark: _width(lines, mark) if mark in whole else 1 for mark in _DELIMITERS}
     marks = [mark for mark in _DELIMITERS if widths[mark] > 1] or [","]
     starts = {mark: _first_sample(lines, mark, widths[mark]) for mark in marks}
     fitting = [mark for mark in marks if starts[mark] is not None]
@@ -122,7 +126,7 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
     raise _no_layout(lines, rows, marks[0], path)
 
 
-def without_index_line(lines: list[str], rows: list[int]) -> tuple[list[str], list[int]]:
+def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str], Sequence[int]]:
     """Return lines and rows of a table of pandas without the line that names only its index, below several names.
 
     The name of the index is put before the names of the columns, where a level's name or nothing stands.
@@ -144,11 +148,11 @@ def without_index_line(lines: list[str], rows: list[int]) -> tuple[list[str], li
                 other if _are_units(row[1:]) else name + delimiter + other.partition(delimiter)[2]
                 for other, row in zip(head, cells[above:k], strict=True)
             ]
-        return [*lines[:above], *head, *lines[k + 1 :]], rows[:k] + rows[k + 1 :]
+        return [*lines[:above], *head, *lines[k + 1 :]], [*rows[:k], *rows[k + 1 :]]
     return lines, rows
 
 
-def require_no_settings(lines: list[str], rows: list[int], delimiter: str, path: str) -> None:
+def require_no_settings(lines: list[str], rows: Sequence[int], delimiter: str, path: str) -> None:
     """Refuse samples that begin or end with lines of a word and numbers, such as scales, units and mean values.
 
     If the first column holds neither numbers nor dates, a single word may belong to a sample, unless it names a setting.
@@ -189,14 +193,18 @@ def is_comment(line: str) -> bool:
 
 def split_cells(line: str, delimiter: str) -> list[str]:
     """Return the cells of a line without quotes and blanks around them, and without empty ones at its end."""
+    quoted = '"' in line
     if delimiter == BLANKS:
-        if '"' not in line:
+        if not quoted:
             return line.split()
         line = line.strip().replace("\t", BLANKS)
     try:
-        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+        parts = (
+            next(csv.reader([line], delimiter=delimiter, skipinitialspace=True)) if quoted else line.split(delimiter)
+        )
     except csv.Error:  # a cell is too long for the reader, so it is neither number nor name
-        cells = [cell.strip() for cell in line.split(delimiter)]
+        parts = line.split(delimiter)
+    cells = list(map(str.strip, parts))
     while len(cells) > 1 and not cells[-1]:
         cells.pop()
     return cells
@@ -218,7 +226,7 @@ def grouped(line: str, delimiter: str) -> str:
     return f"; is {found[0]} one number? Then write it without the comma" if found else ""
 
 
-def require_whole_numbers(lines: list[str], rows: list[int], widths: list[int], count: int, path: str) -> None:
+def require_whole_numbers(lines: list[str], rows: Sequence[int], widths: list[int], count: int, path: str) -> None:
     """Refuse lines, separated by commas, that a comma between thousands lengthens beyond the header's `count` of cells.
 
     The last cells are empty, so that the numbers behind the comma would be read one column too far left.
@@ -244,6 +252,14 @@ def is_number(cell: str) -> bool:
 
 def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
     """Return headers and units from the header lines, and the line of units."""
+    for cells in head[1:]:
+        factors = [_FACTOR.fullmatch(cell) for cell in cells]
+        wrong = next((found for found in factors if found and float(found[1]) != 1.0), None)
+        if wrong and all(found for found, cell in zip(factors, cells, strict=True) if cell):
+            raise DataError(
+                f'{path}: the line of factors in the header has "{clipped(wrong[0])}", which is not applied; multiply the '
+                "samples, or write the factor as a prefix of the unit, and remove the line"
+            )
     # A line with the channels' rates, ranges or the like may follow the names and units.
     head = head[:-1] if len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_quantities(head[-1]) else head
     head = _without_remarks(head)
@@ -299,7 +315,10 @@ def _are_units(cells: list[str]) -> bool:
     filled = [cell for cell in cells if cell and not _UNITS_LABEL.fullmatch(cell)]
     known = [cell for cell in filled if find_unit(cell)]
     return bool(known) and all(
-        cell in known or cell in ("-", "%", "1") or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*", cell) for cell in filled
+        cell in known
+        or cell in ("-", "%", "1")
+        or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*|(10\^?|1[eE])[-+]?\d+ ?\D+", cell)
+        for cell in filled
     )
 
 
@@ -337,8 +356,9 @@ def _are_quantities(cells: list[str]) -> bool:
 
 def _width(lines: list[str], delimiter: str) -> int:
     """Return the commonest number of cells in the second half of the lines; 1 without the delimiter."""
+    ends = f'{delimiter} "'
     counts = [
-        len(split_cells(line, delimiter)) if '"' in line else line.rstrip(delimiter + " ").count(delimiter) + 1
+        line.count(delimiter) + 1 if line[-1] not in ends and '"' not in line else len(split_cells(line, delimiter))
         for line in lines
     ]
     whole, half = Counter(counts), Counter(counts[len(counts) // 2 :])
@@ -491,7 +511,7 @@ def _holds_number(cells: list[str]) -> bool:
     return any(map(_is_value, cells))
 
 
-def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> DataError:
+def _no_layout(lines: list[str], rows: Sequence[int], delimiter: str, path: str) -> DataError:
     """Return an error for a file in which no header fits the samples."""
     cells = [split_cells(line, delimiter) for line in lines[:_HEAD]]
     numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]

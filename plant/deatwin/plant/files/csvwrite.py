@@ -16,6 +16,7 @@ from deatwin.plant.files.usual import COLUMNS, usual_unit
 from deatwin.plant.recording import Recording
 
 _PLAIN = ("command", "displacement")
+_MOST = 1e9  # Number that no unit of `COLUMNS` turns into the mark of an overflow
 
 
 def csv_text(recording: Recording) -> str:
@@ -41,11 +42,16 @@ def _times(recording: Recording) -> NDArray[np.float64]:
 
 
 def _is_plain(recording: Recording, timepts: NDArray[np.float64]) -> bool:
-    """Return whether plain columns suffice: usual signals, no provenance, a sample time that can be recovered."""
+    """Return whether plain columns suffice: usual signals, no provenance, a sample time that can be recovered.
+
+    Without a description, a huge number would mark an overflow.
+    """
     names = (*recording.input_names, *recording.output_names)
     units = (*recording.input_units, *recording.output_units, *recording.extra_units.values())
     usual = (*names, *recording.extras)
     if names != _PLAIN or any(name not in COLUMNS for name in usual) or recording.provenance:
+        return False
+    if any((np.abs(row) > _MOST).any() for row in rows_of(recording)):
         return False
     if units != tuple(map(usual_unit, usual)) or len(set(usual)) < len(usual) or "time" in usual:
         return False

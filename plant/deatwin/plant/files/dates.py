@@ -11,6 +11,7 @@ from datetime import UTC, datetime, timedelta, timezone
 from decimal import Decimal
 
 ORDERS = ("dmy", "mdy", "ymd")  # Order of day and month, or of a year of two digits, as a user states it
+CLOCK = "hhmmss"  # Times of day written as one number, 143005.25 for 14:30:05.25, as a user states it
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _ISO = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)(?:[T ,]+(.*))?")
 _OTHER = re.compile(r"(\d\d?)([-/. ])(\d\d?|[A-Za-z]{3})\2(\d{4}|\d\d)(?:[T ,]+(.*))?")
@@ -25,6 +26,7 @@ _CLOCK = re.compile(  # behind a colon, two digits may be hundredths, millisecon
 _NAMED = re.compile(  # March 4, 2024 12:00:00, or as C writes it, Mon Mar  4 12:00:00 2024
     r"(?:[A-Za-z]{3,9},? +)?([A-Za-z]{3,9})\.? +(\d\d?),? +(?:(\d{4})(?:,? +(.*))?|(\d\d?:\S+) +(\d{4}))"
 )
+_ONE_NUMBER = re.compile(r"(\d\d)(\d\d)(\d\d)(?:[.,](\d+))?")
 _DURATION = re.compile(r"(?:(?:(\d+) days?,? +)?(\d+):)?(\d{1,2}):(\d\d)(?:[.,](\d+))?")
 
 
@@ -138,8 +140,16 @@ def _of_day(cell: str) -> Decimal:
     elif (long := _DURATION.fullmatch(cell)) and (long[2] or long[5]):
         hour = 24 * int(long[1] or 0) + int(long[2] or 0)
         minutes, seconds, fraction = long[3], long[4], long[5]
+    elif number := _ONE_NUMBER.fullmatch(_padded(cell)):
+        hour, (minutes, seconds, fraction) = int(number[1]), number.groups()[1:]
     else:
         raise ValueError("no time of day")
     if hour < 0 or int(minutes) > 59 or int(seconds or 0) > 59:
         raise ValueError("no time of day")
     return Decimal(f"{3600 * hour + 60 * int(minutes) + int(seconds or 0)}.{fraction or 0}")
+
+
+def _padded(cell: str) -> str:
+    """Return a time of day that is one number with all its digits, and a point before thousandths."""
+    whole = re.split("[.,]", cell)[0]
+    return f"{cell[:6]}.{cell[6:]}" if len(cell) == len(whole) == 9 else "0" * (6 - len(whole)) + cell

@@ -7,6 +7,8 @@ from deatwin.plant.files.units import FULL_WIDTH, UNITS, find_unit
 _LOWERED = {name.lower() for name in UNITS}
 _IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
 _REMARK = re.compile(r"(.+[)\]])\s*(\([^()\d]*\)|\[[^\[\]\d]*\])")  # behind the unit; with a digit, it may be a factor
+_AMID = re.compile(r"([^()\[\]]+?)\s*(\([^()]*\)|\[[^\[\]]*\])\s+(?!per\b)([^\W_][^()\[\]/]*)")
+"""Header with a unit in brackets before its last words: ``HV (kV) monitor``."""
 _QUOTIENT = re.compile(r"(.+?)_([^\W_]+)_(per_)?([^\W\d_][^\W_]*)")
 _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
 _IN_WORDS = re.compile(r"(.+?)(?:\s+(?:in|en)\s+|\s*,\s*)(\S.*)")
@@ -82,6 +84,8 @@ def split_unit(header: str) -> tuple[str, str]:
         return header, unit
     if (match := _REMARK.fullmatch(header)) and (found := split_unit(match[1]))[1]:
         return f"{found[0]} {match[2]}", found[1]
+    if (match := _AMID.fullmatch(header)) and (found := split_unit(f"{match[1]} {match[2]}"))[1]:
+        return f"{found[0]} {match[3]}", found[1]
     match = _IN_BRACKETS.fullmatch(header)
     return (match[1] if match and said_unit(header) == match[2].strip("()[] ") else header), ""
 
@@ -128,7 +132,7 @@ def said_unit(header: str) -> str:
             said = match[2].strip("()[] ")
             if _is_doubtful(form, said):
                 continue
-            if form is _IN_BRACKETS and re.search(r"[^\W\d_]|[%°]", said):
+            if form is _IN_BRACKETS and re.search(r"[^\W\d_]|[%°]|\d\s*:\s*\d", said):
                 return said
             if is_misspelt(said):
                 return said

@@ -97,8 +97,9 @@ def read_recordings(
     time_column : str, optional
         Header or position of the times; by default the column called ``time`` or similar, else the one with a unit of
         time. The unit comes from the header or follows an equals sign, ``"Timestamp=ms"``; otherwise it is the second.
-        For dates, ``"Date=dmy"``, ``mdy`` or ``ymd`` gives the order. With dates and Unix times, the clock's zero is at the
-        first sample, whose date is kept in the provenance as ``clock_began``.
+        For dates, ``"Date=dmy"``, ``mdy`` or ``ymd`` gives the order; ``"UTC=hhmmss"`` reads 143005.25 as 14:30:05.25.
+        With dates and Unix times, the clock's zero is at the first sample, whose date is kept in the provenance as
+        ``clock_began``.
     allow_gaps : bool, default False
         If True, split the record at its gaps and keep the clock; otherwise a gap is an error.
     dt : float, optional

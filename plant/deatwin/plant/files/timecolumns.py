@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
-from deatwin.plant.files.dates import ORDERS, date_orders, day_seconds, is_date, moment
+from deatwin.plant.files.dates import CLOCK, ORDERS, date_orders, day_seconds, is_date, moment
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.headers import TIME_NAMES
 from deatwin.plant.files.times import TIME_UNITS, time_scale
@@ -24,12 +24,14 @@ from deatwin.plant.safe_read import clipped
 Floats = NDArray[np.float64]
 _STAMP_NAMES = (
     *("ts", "timestamp", "datetime", "unixtime", "times", "elapsed", "elapsedtime", "date", "zeitstempel"),
+    *("utc", "utctime", "gpstime", "timeutc", "timeofday", CLOCK),
     *("datum", "datumuhrzeit", "datumzeit", "horodatage", "fecha", "fechahora"),
 )
 _CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0), (2447892.0, 2488070.0))
 """Days from 1990 to 2100, counted from 1900, from 0, and as Julian dates."""
 _SHORT = 1e-4  # Step below which times in s may be days, in which it is less than nine seconds
 _ROUNDED = 1e-6  # Relative error of a step from times with too few digits
+_ONE_NUMBER = re.compile(r"(?i)(.*[^a-z])?hhmmss([^a-z].*)?")  # Header of times of day that are one number
 _IN_WORDS = re.compile(r".*\s(?:in|en)\s+([^\W\d_]+)")  # Header that ends in words for a unit, known or not
 _LISTED = 5  # Largest number of columns that an error lists
 
@@ -107,11 +109,12 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
     name, behind = split_stated(table, wanted)
     stated = ""
     if behind:
-        stated = behind if behind in ORDERS else find_unit(behind)
-        if stated not in (*TIME_UNITS, *ORDERS):
+        stated = behind if behind in (*ORDERS, CLOCK) else find_unit(behind)
+        if stated not in (*TIME_UNITS, *ORDERS, CLOCK):
             raise DataError(
                 f'{table.path}: the times are said to be in "{clipped(behind)}"; known are the units {", ".join(TIME_UNITS)}; '
-                "for dates, write dmy if the day comes first, mdy if the month does, and ymd if a year of two digits does"
+                "for dates, write dmy if the day comes first, mdy if the month does, and ymd if a year of two digits does; "
+                f"for 143005.25 in place of 14:30:05.25, write {CLOCK}"
             )
     column = table.column(name, lambda column: column not in taken and holds_times(table, column, stated))
     header = table.headers[column]
@@ -177,14 +180,24 @@ def _uneven(table: Table, column: int, unit: str = "", step: float | None = None
 
 def with_times(table: Table, column: int, unit: str) -> Table:
     """Return a table that reads a column as times."""
+    if not unit and _ONE_NUMBER.fullmatch(table.headers[column]):
+        unit = CLOCK
     order = unit if unit in ORDERS else ""
-    units = tuple((not order and unit) or "s" if k == column else known for k, known in enumerate(table.units))
+    known = "s" if order or unit == CLOCK else unit or "s"
+    units = tuple(known if k == column else own for k, own in enumerate(table.units))
     scale = time_scale(table.texts(column), unit)
     # A file written by deatwin reads back unchanged, whatever its clock.
     if scale and scale.unit and (table.declared.signals or table.headers[column] == USUAL_TIMES):
         scale = None
     if scale and scale.texts and scale.began is None:
         _require_no_skipped_days(table, column)
+    if scale and scale.texts and scale.began is None and not scale.order:
+        either = [ReadOptions(time_column=f"{table.unmistakable(column)}={kind}") for kind in (CLOCK, "s")]
+        raise DataError(
+            f'{table.path}: the times in the column "{table.shown(column)}" may be times of day, hours, minutes and seconds in '
+            f"one number, or seconds; state it: {either[0]} or {either[1]}",
+            either[0],
+        )
     if order and not scale:
         raise DataError(f'{table.path}: the column "{table.shown(column)}" holds no dates; remove "={order}"')
     if scale and not scale.order and len({re.split("[T ,]", text.strip())[0] for text in table.texts(column)}) > 1:

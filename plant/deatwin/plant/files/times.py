@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 
-from deatwin.plant.files.dates import ORDERS, date_orders, day_seconds, is_clock, is_date, moment
+import numpy as np
+
+from deatwin.plant.files.dates import CLOCK, ORDERS, date_orders, day_seconds, is_clock, is_date, moment
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.safe_read import clipped
 
@@ -19,6 +21,8 @@ DATES, TIMES_OF_DAY = "dates", "times of day"
 TIME_UNITS = tuple(name for name, unit in UNITS.items() if unit.si == "s")
 _SIZED = ("s", "ms", "us", "ns")
 _FIRST, _LAST = 10**9, 3 * 10**9  # Range of values taken as Unix times, s: September 2001 to January 2065
+_LIKE_CLOCK = re.compile(r"\d{5,6}([.,]\d*)?|\d{9}")  # from one o'clock on
+_GAP = 1.6  # Step above which there is a gap, in usual steps
 _UNIX = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -98,9 +102,29 @@ def time_scale(texts: Iterable[str], unit: str) -> TimeScale | None:
         except ValueError:
             began = datetime.min  # `fault` describes what is wrong
         return TimeScale(unit="", began=began, order=order)
-    if is_clock(first):
+    if is_clock(first) or unit == CLOCK:
         return TimeScale(unit="")
+    if not unit and _LIKE_CLOCK.fullmatch(first) and (found := _of_day([first, *cells])):
+        return found
     return None if unit in ORDERS else _unix(first, unit)
+
+
+def _of_day(cells: Sequence[str]) -> TimeScale | None:
+    """Return how to read numbers that go on as times of day do, 143100 after 143059; None if they are other numbers.
+
+    The reading has no order if the numbers may as well be seconds.
+    """
+    try:
+        times = np.array(day_seconds(cells), dtype=np.float64)
+        numbers = np.array([cell.replace(",", ".") for cell in cells], dtype=np.float64)
+    except ValueError:
+        return None
+    steps, other = np.diff(times), np.diff(numbers) / (1000.0 if re.fullmatch(r"\d{9}", cells[0].strip()) else 1.0)
+    passed = np.abs(steps - other) > 1.0  # where a minute passes
+    if not passed.any():
+        return TimeScale(unit="") if cells[0].strip().startswith("0") else None
+    even, also = (((one[passed] > 0.0) & (one[passed] <= _GAP * np.median(one))).any() for one in (steps, other))
+    return TimeScale(unit="", order="dmy" if even and not also else "")
 
 
 def _unix(first: str, unit: str) -> TimeScale | None:

@@ -179,7 +179,20 @@ def _derived(name: str) -> Unit | None:
         for factor, inner in _powers(unit.si).items():
             base[factor] += inner * power
     si = _KINDS.get(_signature(base))
+    if si == "1" and len(powers) > 1 and _is_scale(name, above / below):
+        return None
     return None if si is None else _reduced(si, above, below)
+
+
+def _is_scale(quotient: str, factor: float) -> bool:
+    """Return whether a quotient of voltages or currents is the scale of a monitor or of an amplifier, such as V/kV.
+
+    The reading of a bridge, in mV/V, is none.
+    """
+    first, _, last = quotient.partition("/")
+    return all(_SYMBOLS[part].si in ("V", "A") for part in (first, last) if part in _SYMBOLS) and (
+        factor > 1.0 or last not in ("V", "A")
+    )
 
 
 class _Units(Mapping[str, Unit]):
@@ -332,8 +345,6 @@ _OTHER_SPELLINGS = {
     "deg F": "°F",
     "deg °F": "°F",
     "degF": "°F",
-    "VDC": "V",
-    "Vdc": "V",
     "L": "l",
     "mL": "ml",
     "uL": "ul",
@@ -371,6 +382,7 @@ _SIGNS = str.maketrans(
 )
 
 
+_DIRECT = re.compile(r"(?<=[VA])\s*(?:DC|dc)$")  # Behind the unit of a direct voltage or current
 FULL_WIDTH = str.maketrans("（）［］", "()[]")  # Brackets among Chinese and Japanese characters
 
 
@@ -379,6 +391,7 @@ def find_unit(text: str) -> str:
     bare = unicodedata.normalize("NFKC", text.strip().replace("º", "°"))  # full width, ㎜, U+00B5 and the like
     if bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()
+    bare = _DIRECT.sub("", bare)
     if bare in _SYMBOLS:
         return bare
     if bare == "L":

@@ -1,6 +1,7 @@
 """Units that a user or plant requests for columns, instead of SI."""
 
 import math
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
@@ -11,6 +12,8 @@ from deatwin.plant.files.units import UNITS, Unit, find_unit, same_kind
 from deatwin.plant.files.usual import COLUMNS, usual_unit
 from deatwin.plant.readoptions import ReadOptions
 from deatwin.plant.safe_read import clipped
+
+_SCALE = re.compile(r"(?:1\s*)?([^\d\s]+?)\s*(?:/|\sper\s|=\s*1?)\s*([^\d\s]+)")
 
 
 def require_known_units(table: Table, columns: Sequence[int]) -> None:
@@ -52,13 +55,21 @@ def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Ta
         except DataError:  # the later search for the column raises a better error
             continue
         known = for_name(table.names[column], find_unit(unit))
-        if units[column] not in ("", "C", known) and not _may_be(units[column], known):  # C alone may mean two units
+        certain = units[column] not in ("", "C", known) and known not in _scaled(units[column])
+        if certain and not _may_be(units[column], known):  # C alone may mean two units
             raise DataError(
                 f'{table.path}: the column "{table.shown(column)}" is in {units[column]}, but is said to be in '
                 f'{clipped(unit)}; remove "={clipped(unit)}"'
             )
         units[column], said[column] = known, unit
     return replace(table, units=tuple(units), said=tuple(said)), bare
+
+
+def _scaled(unit: str) -> list[str]:
+    """Return the units, the larger first, of which a scale such as ``V/kV``, ``1 V = 1 kV`` or ``mm/V`` tells the size."""
+    parts = _SCALE.fullmatch(unit)
+    known = [found for found in map(find_unit, parts.groups()) if found] if parts else []
+    return sorted(known, key=lambda name: -UNITS[name].numerator / UNITS[name].denominator)
 
 
 def _may_be(count: str, angle: str) -> bool:
@@ -136,6 +147,11 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Coll
         )
     likes = units_like(wanted)
     fault = f"{place}, but the model needs it in {wanted}"
+    if meant := next((part for part in _scaled(unit) if part in likes), ""):
+        state = f'"{table.unmistakable(column)}={meant}"'
+        return DataError(
+            f"{fault}; if that is the scale of a monitor, of which 1 stands for 1 {meant}, state it: {state}"
+        )
     if len(likes) == 1:
         return DataError(f'{fault}; if the numbers in this column are in {wanted}, name the column "{better}"')
     fitting = [k for k, own in enumerate(table.units) if own in likes and k not in taken]

@@ -87,6 +87,8 @@ _MS = (("in ms", 1e-3, 0.0),)
 _MV = (("in mV", 1e-3, 0.0),)
 _STRETCH = (("a strain", 1.0, 1.0), ("a strain in %", 0.01, 1.0))
 
+HIGHEST_FILM_VOLTAGE = 30e3  # V; no amplifier for these actuators gives more
+
 Keys = Mapping[str, NumberKey | TextKey]
 MATERIAL = TextKey(
     field="material",

@@ -265,7 +265,7 @@ def rig_schema() -> dict[str, Any]:
         "$id": SCHEMA,
         "title": "A rig file",
         "description": "What the experimenter knows of a rig, as TOML. A part is smaller than the one that holds it, "
-        "command_min_V than command_max_V.",
+        "command_min_V than command_max_V, which put at most 30 kV on the film.",
         "oneOf": [_schema_of(name, kind) for name, kind in KINDS.items()],
         "$defs": {"material": MATERIAL_SCHEMA, "drive": _section(DRIVE), "sensor": _section(SENSOR)}
         | {"readings": readings_schema()},

@@ -10,7 +10,7 @@ import numpy as np
 from deatwin.plant.errors import nearest
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.readings import ELECTRICAL_UNITS
-from deatwin.plant.rigs.rigkeys import DRIVE, Keys, NumberKey, TextKey, kind_of
+from deatwin.plant.rigs.rigkeys import DRIVE, HIGHEST_FILM_VOLTAGE, Keys, NumberKey, TextKey, kind_of
 from deatwin.plant.rigs.rigkinds import COMMANDS, KINDS, Pair
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.rigs.rigreadings import READING_KEYS, unit_fault
@@ -50,11 +50,15 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     kind, wrong = _kind(data.get(key, "diaphragm"))
     table = KINDS[kind].sections
     strange = (name for name in data if name not in (*table, "kind", "material", READINGS))
-    outside = [_misnamed_kind(name) if name == key else _outside(name, table) for name in strange]
+    outside = [m for name in strange for m in ([_misnamed_kind(name)] if name == key else _outside(name, data, table))]
     called = {section: section for section in table}
     for mistake in outside:  # a section with a misspelt name is read under the name that it should have
-        name = mistake.line_of[0]
-        if len(mistake.meant) == 1 and mistake.meant[0] not in data and isinstance(data[name], Mapping):
+        name = mistake.line_of[-1]
+        if (
+            len(mistake.meant) == len(mistake.line_of) == 1
+            and mistake.meant[0] not in data
+            and isinstance(data[name], Mapping)
+        ):
             called[mistake.meant[0]] = name
     read = {section: data.get(name) for section, name in called.items() if section != "material"}
     found = [
@@ -63,6 +67,7 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
         *_material(data, read.get("film")),
         *(m for section, values in read.items() for m in _inside(section, called[section], values, table, data)),
         *_order((*KINDS[kind].below, *(p for p in COMMANDS if p[0][1] in table["drive"])), read, called, table),
+        *_beyond(read.get("drive"), called.get("drive", "drive"), table["drive"]),
         *_of_supply(read.get("drive"), called.get("drive", "drive")),
         *_of_readings(data.get(READINGS, {})),
     ]
@@ -150,22 +155,49 @@ def _parts(path: str) -> Place:
     return tuple(part[1:-1] if part[0] in "\"'" else part for part in re.findall(_PART, path))
 
 
-def _outside(name: str, table: Mapping[str, Keys]) -> Mistake:
-    """Return the mistake of an unknown section, or of a key above all sections."""
+def _outside(name: str, data: Mapping[str, Any], table: Mapping[str, Keys]) -> Iterator[Mistake]:
+    """Find the mistake of an unknown section, which may hold known ones, or of a key above all sections."""
+    inside = [section for section in table if isinstance(data[name], Mapping) and section in data[name]]
+    for section in inside:
+        yield Mistake(
+            text=f"write [{section}], not [{clipped(name)}.{section}]", line_of=(name, section), meant=(section,)
+        )
+    if inside:
+        return
     for section, keys in table.items():
         if name in keys:
-            return Mistake(
+            yield Mistake(
                 text=f'the key "{name}" stands outside the sections; it belongs in [{section}]',
                 line_of=(name,),
                 meant=(section, name),
             )
+            return
     known = (*table, "material", READINGS)
     hint = nearest(name[:100], known)
-    return Mistake(
+    yield Mistake(
         text=f"unknown section [{clipped(name)}]{hint or f'; known are {_listed(known)}'}",
         line_of=(name,),
         meant=_offered(hint, known),
     )
+
+
+def _beyond(drive: object, called: str, keys: Keys) -> Iterator[Mistake]:
+    """Find commands that would put more on the film than any film takes."""
+    if not isinstance(drive, Mapping):
+        return
+    gain = 1.0 if "input" in drive else _number(drive, keys.get("gain", DRIVE["gain"]), "gain")
+    for name in ("command_min_V", "command_max_V") if "gain" in keys else ():
+        volts = _number(drive, keys[name], name)
+        if volts is None or gain is None or abs(volts * gain) <= HIGHEST_FILM_VOLTAGE:
+            continue
+        fits = abs(volts) <= HIGHEST_FILM_VOLTAGE < abs(volts * gain)
+        yield Mistake(
+            text=f"{volts:g} times the gain of {gain:g} is {volts * gain:g} V on the film, but no film takes more than "
+            f"{HIGHEST_FILM_VOLTAGE:g} V"
+            + (f"; if {volts:g} V is on the film, write {volts / gain:.6g}" if fits else ""),
+            at=(called, name),
+            line_of=(called, name),
+        )
 
 
 def _of_supply(drive: object, called: str) -> Iterator[Mistake]:
@@ -245,6 +277,12 @@ def _written(name: str, keys: Keys) -> str:
 def _unknown(name: str, value: object, section: str, called: str, table: Mapping[str, Keys]) -> Mistake:
     """Return the mistake of an unknown key, with its proper section, else the nearest name, else all names."""
     keys = table[section]
+    if name in (*table, "material", READINGS) and isinstance(value, Mapping):
+        text = f'"{name}" is a section of its own, not a part of [{called}]: write [{name}]'
+        return Mistake(text=text, line_of=(called, name), meant=(name,))
+    if name == "kind":
+        text = 'the key "kind" belongs above the first section'
+        return Mistake(text=text, at=(called,), line_of=(called, name))
     owners = [other for other, others in table.items() if name in others]
     hint = nearest(name[:100], keys)
     offered = _offered(hint, keys)

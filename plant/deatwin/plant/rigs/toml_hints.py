@@ -10,7 +10,10 @@ _END = r"\s*(?:#.*)?"
 _CURLY = "“”„‟«»‘’‚‛`´"
 _KEY = re.compile(r"\s*([A-Za-z0-9_-]+)\s*=\s*(.*?)\s*")
 _BARE = re.compile(r"\s*([A-Za-z0-9_-]+)\s+([^=\[\]#]+?)\s*(?:#.*)?")
+_ODD_KEY = re.compile(r"\s*([^=:#\"']*[^=:#\"'\s])\s*([=:])\s*(.*?)\s*")
+_TITLE = re.compile(r"\s*([A-Za-z0-9_-]+)\s*:" + _END)
 _SECTION = re.compile(r"\s*\[([A-Za-z0-9_-]+)\s*\]?" + _END)
+_BACKSLASH = re.compile(r'"((?:[^"\\]|\\\\)*\\(?!u[0-9A-Fa-f]{4}|[\\"])[^"]*)"' + _END)
 _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
     (
         re.compile(rf"([+-]?\d+),(\d+){_END}"),
@@ -30,6 +33,30 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
         re.compile(r"(?!true\b|false\b|inf\b|nan\b)([^\W\d][^\"'#\[\]{}]*?)" + _END),
         lambda word: f'a text must be in quotes: write "{word}"',
     ),
+    (
+        _BACKSLASH,
+        lambda path: (
+            f"a backslash in double quotes begins an escape sequence: write '{path}', or {path.replace(chr(92), '/')}"
+        ),
+    ),
+    (re.compile(r'"([^"#]*?)\s*(?:#[^"]*)?'), lambda word: f'the closing quote is missing: write "{word}"'),
+    (re.compile(rf"({_NUMBER})\s*;.*"), lambda number: f"leave the semicolon out: write {number}"),
+    (re.compile(rf'({_NUMBER}|"[^"]*")\s*//.*'), lambda value: f"a comment begins with #, not with //: write {value}"),
+    (
+        re.compile(rf"([+-]?[1-9]\d{{0,2}}(?:[.' ]\d{{3}})+),(\d+){_END}"),
+        lambda whole, part: (
+            f"write a number with a decimal point and no other mark: {re.sub('[^0-9+-]', '', whole)}.{part}"
+        ),
+    ),
+    (
+        re.compile(rf"([+-]?\d+)\s*[x*×·]\s*10\^?([+-]?\d+){_END}"),
+        lambda number, power: f"write a power of ten as {number}e{power}",
+    ),
+    (
+        re.compile(rf"([+-]?)0+(\d+(?:\.\d+)?){_END}"),
+        lambda sign, number: f"a number must not begin with 0: write {sign}{number}",
+    ),
+    (re.compile(rf"[-+\d.\s]+[*/^][-+*/^\d.\s]+{_END}"), lambda: "write a number, not a formula"),
     (re.compile(_END), lambda: "there is no value"),
 )
 """Patterns of a wrong value, each with a hint made from its groups."""
@@ -38,11 +65,18 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
 def slip_of(text: str) -> str:
     """Return the first slip in a rig file: its line, its key, and what to write."""
     seen: dict[str, int] = {}
+    sections: dict[str, int] = {}
+    if text.lstrip().startswith("{"):
+        return "it is JSON; write sections in brackets, and a line for each key, such as gain = 800.0"
     for number, line in enumerate(text.split("\n"), start=1):
         if section := _SECTION.fullmatch(line):
             if "]" not in line.split("#")[0]:
                 return f"line {number}: a section must be in brackets: write [{clipped(section[1])}]"
-            seen = {}
+            if section[1] in sections and not line.strip().startswith("[["):
+                return f"line {number}: the section [{section[1]}] is already in line {sections[section[1]]}: keep one of the two"
+            seen, sections[section[1]] = {}, number
+        elif title := _TITLE.fullmatch(line):
+            return f"line {number}: a section must be in brackets: write [{clipped(title[1])}]"
         elif entry := _KEY.fullmatch(line):
             key, value = entry.groups()
             for slip, say in _SLIPS:
@@ -51,6 +85,10 @@ def slip_of(text: str) -> str:
             if key in seen:
                 return f"line {number}, {clipped(key)}: the key is already in line {seen[key]}: keep one of the two"
             seen[key] = number
+        elif odd := _ODD_KEY.fullmatch(line):
+            key = re.sub(r"[^A-Za-z0-9-]+", "_", odd[1].replace("µ", "u").replace("μ", "u")).strip("_")
+            if odd[2] == ":" or key != odd[1]:
+                return f"line {number}: write {clipped(key)} = {clipped(odd[3])}"
         elif bare := _BARE.fullmatch(line):
             return f"line {number}: write {clipped(bare[1])} = {clipped(bare[2])}"
     return ""

@@ -25,7 +25,13 @@ class TomlFile:
         """Read a file; error texts call it `what`."""
         try:
             text = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}")).decode("utf-8-sig")
-            return cls(path=str(path), text=text, data=tomllib.loads(text))
+            text = text.replace("\r\n", "\n").replace("\r", "\n")
+            data = tomllib.loads(text)
+            if (
+                '"""' not in text and _has_marks(data) and (slip := slip_of(text))
+            ):  # a path such as "C:\new", in which \n ends a line
+                raise RigError(f"{path}: {slip}")
+            return cls(path=str(path), text=text, data=data)
         except OSError as error:
             # Stricter than usual, because all candidates have the same ending.
             beside = [entry.name for entry in Path(path).parent.glob("*.toml")]
@@ -40,3 +46,10 @@ class TomlFile:
             raise RigError(f"{path}: this is not valid TOML: {slip_of(text) or clipped(error, 200)}{other}") from None
         except RecursionError:
             raise RigError(f"{path}: not a {what}: lists are nested too deeply") from None
+
+
+def _has_marks(value: object) -> bool:
+    """Return whether a text contains a tab, the end of a line or the like."""
+    if isinstance(value, Mapping | list):
+        return any(map(_has_marks, value.values() if isinstance(value, Mapping) else value))
+    return isinstance(value, str) and any(ord(letter) < ord(" ") for letter in value)

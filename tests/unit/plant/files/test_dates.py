@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from deatwin.plant import DataError, Recording
 from deatwin.plant.files import read_experiment, read_recording
@@ -195,3 +196,68 @@ def test_times_that_do_not_increase(tmp_path: Path, times: list[int], says: str)
     for dt in (None, 1.0):
         with pytest.raises(DataError, match=says):
             read_recording(path, dt=dt)
+
+
+def in_one_number(start: str, step: float, count: int, form: str) -> list[str]:
+    """Times of day as receivers of satellites write them."""
+    begin = datetime.fromisoformat(f"2024-05-01 {start}")
+    times = [begin + timedelta(seconds=step * k) for k in range(count)]
+    texts = [f"{time:%H%M%S}.{time.microsecond // 1000:03d}" for time in times]
+    return [
+        {
+            "bare": text.lstrip("0"),
+            "whole": text[:6],
+            "run on": text.replace(".", ""),
+            "comma": text.replace(".", ","),
+        }.get(form, text)
+        for text in texts
+    ]
+
+
+@pytest.mark.parametrize(
+    ("header", "start", "step", "form"),
+    [
+        ("time", "14:30:05.250", 0.25, "padded"),  # the number goes from 143059.75 to 143100
+        ("UTC", "14:59:05", 0.02, "padded"),
+        ("time", "09:30:05", 0.25, "bare"),
+        ("time", "23:59:30", 0.25, "padded"),
+        ("time", "14:30:05", 1.0, "whole"),
+        ("timestamp", "14:30:05", 0.25, "run on"),
+        ("time", "14:30:05", 0.25, "comma"),
+        ("time", "14:30:05", 25.0, "whole"),
+        ("UTC (hhmmss.sss)", "00:00:05", 0.25, "padded"),  # the header says so
+        ("hhmmss", "14:30:05", 60.0, "whole"),
+    ],
+)
+def test_times_of_day_in_one_number(tmp_path: Path, header: str, start: str, step: float, form: str) -> None:
+    times = in_one_number(start, step, 3000 if step < 0.1 else 300, form)
+    rows = [f"{time};{k % 7},5;{k}" for k, time in enumerate(times)]
+    (tmp_path / "r.csv").write_text("\n".join([f"{header};command_V;displacement_mm", *rows, ""]), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv")
+    assert (found.n_samples, found.sample_time, found.start) == (len(times), step, 0.0)
+    assert found.provenance["times"] == "times of day"
+
+
+def test_times_of_day_in_one_number_of_an_array(tmp_path: Path) -> None:
+    times = np.array(in_one_number("14:30:05", 0.25, 300, "padded"), dtype=float)
+    savemat(tmp_path / "r.mat", {"time": times, "command_V": np.arange(300.0), "displacement_mm": np.arange(300.0)})
+    assert read_recording(tmp_path / "r.mat").sample_time == 0.25
+
+
+@pytest.mark.parametrize(("said", "step"), [("hhmmss", 60.0), ("s", 100.0)])
+def test_times_of_day_or_seconds_are_asked_for(tmp_path: Path, said: str, step: float) -> None:
+    rows = [f"{time},{k % 7},{k}" for k, time in enumerate(in_one_number("14:00:00", 60.0, 60, "whole"))]
+    (tmp_path / "r.csv").write_text("\n".join(["time,command_V,displacement_mm", *rows, ""]), encoding="utf-8")
+    with pytest.raises(DataError, match=r'may be times of day, .* or seconds; state it: .*"time=hhmmss" or .*"time=s"'):
+        read_recording(tmp_path / "r.csv")
+    assert read_recording(tmp_path / "r.csv", time_column=f"time={said}").sample_time == step
+
+
+@pytest.mark.parametrize(("first", "step"), [(20000, 0.5), (0, 100), (100000, 0.01), (143005, 1)])
+def test_seconds_stay_seconds(tmp_path: Path, first: float, step: float) -> None:
+    rows = [
+        f"{first + step * k:g},{k % 7},{k}" if step > 1 else f"{first + step * k:.2f},{k % 7},{k}" for k in range(200)
+    ]
+    (tmp_path / "r.csv").write_text("\n".join(["time,command_V,displacement_mm", *rows, ""]), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv")
+    assert (found.sample_time, found.start) == (pytest.approx(step, rel=1e-8), first)

@@ -1,6 +1,7 @@
 """MATLAB files of versions 5 and 7.3 into recordings."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files import read_experiment, read_recording, write_recording
+from deatwin.plant.files import read_experiment, read_recording, write_csv, write_recording
 from deatwin.plant.recording import Recording
 
 pytestmark = pytest.mark.usefixtures("in_one_process")
@@ -242,6 +243,21 @@ def test_marks_of_an_overflow_are_refused(tmp_path: Path, mark: float) -> None:
     (tmp_path / "r.csv").write_text(f"time_s,command_V,displacement_mm\n{rows}", encoding="utf-8")
     with pytest.raises(DataError, match=r'row 9, column "displacement_mm": .* marks an overflow or a missing value'):
         read_recording(tmp_path / "r.csv")
+
+
+@pytest.mark.parametrize("ending", ["csv", "mat", "nc", "tdms"])
+@pytest.mark.parametrize("size", [6.0e24, 1.7e308])
+@pytest.mark.parametrize("name", ["displacement", "density"])
+def test_what_was_written_is_no_overflow(tmp_path: Path, ending: str, size: float, name: str) -> None:
+    made = Recording.from_arrays([1.0, 2.0], [size, 0.5 * size], 0.5)
+    made = replace(made, output_names=(name,), output_units=("m" if name == "displacement" else "1/m3",))
+    write_recording(tmp_path / f"r.{ending}", made)
+    np.testing.assert_array_equal(read_recording(tmp_path / f"r.{ending}").outputs, made.outputs)
+
+
+def test_a_large_number_is_no_overflow(tmp_path: Path) -> None:
+    write_csv(tmp_path / "r.csv", {"time_s": [0.0, 0.5], "command_V": [1.0, 2.0], "density": [6e24, 7e24]})
+    assert read_recording(tmp_path / "r.csv", output_column="density").outputs[0, 1] == 7e24
 
 
 @pytest.mark.parametrize(("scale", "offset", "refused"), [(1.0, 0.0, False), (1e-4, 0.0, True), (1.0, 2.0, True)])

@@ -7,7 +7,7 @@ import pytest
 from scipy.io import netcdf_file
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files import read_recording, write_recording
+from deatwin.plant.files import read_recording, read_recordings, write_recording
 from deatwin.plant.recording import Recording
 
 xarray = pytest.importorskip("xarray")
@@ -75,6 +75,78 @@ def test_packed_values(path: Path) -> None:
     packing = {"dtype": "int16", "scale_factor": 0.5, "add_offset": 1.0, "_FillValue": -1}
     made.to_netcdf(path, engine="h5netcdf", encoding={"command": packing})
     np.testing.assert_array_equal(read_recording(path).inputs[0], 0.5 * counts + 1.0)
+
+
+@pytest.mark.parametrize("kind", ["int16", "float32", "uint8 as int8"])
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"valid_min": 10, "valid_max": 40},
+        {"valid_range": [10, 40]},
+        {"missing_value": [7, 9, 41], "valid_max": 41},
+        {"_FillValue": 9},
+        {"fill_value": 9},
+        {"NoData": 9},
+    ],
+)
+@pytest.mark.parametrize("ending", ["nc", "h5", "version 3"])
+def test_numbers_outside_their_valid_range_are_missing(tmp_path: Path, kind: str, limits: dict, ending: str) -> None:
+    """The limits count as packed, like the numbers (CF conventions, section 8.1)."""
+    path = tmp_path / f"r.{ending.replace('version 3', 'nc')}"
+    packed = np.linspace(12, 38, N).astype("uint8" if "uint8" in kind else kind)
+    packed[[3, 20]] = 9, 41
+    signed = packed.view("int8") if "uint8" in kind else packed
+    attributes = {name: np.asarray(value).astype(signed.dtype) for name, value in limits.items()}
+    attributes |= {"scale_factor": 0.5, "add_offset": 1.0, "units": "mm"}
+    attributes |= {"_Unsigned": "true"} if "uint8" in kind else {}
+    lost = [3, 20] if {"valid_max", "valid_range"} & limits.keys() else [3]
+    signals = {
+        "time": (TIME, {"units": "s"}),
+        "command": (COMMAND, {"units": "V"}),
+        "displacement": (signed, attributes),
+    }
+    if ending == "h5":
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path, "w") as file:
+            for name, (values, about) in signals.items():
+                file[name] = values
+                file[name].attrs.update(about)
+    else:
+        made = xarray.Dataset({name: ("time", values, about) for name, (values, about) in signals.items()})
+        plain = {name: {"_FillValue": None} for name in ("time", "command")}
+        made.to_netcdf(path, engine="scipy" if ending == "version 3" else "h5netcdf", encoding=plain)
+    with pytest.raises(DataError, match=r'row 4, column "displacement": there is no value.*--allow-gaps'):
+        read_recording(path)
+    found = np.concatenate([recording.outputs[0] for recording in read_recordings(path, allow_gaps=True)])
+    np.testing.assert_allclose(found, 1e-3 * (0.5 * np.delete(packed, lost).astype(float) + 1.0), rtol=1e-12)
+
+
+def test_limits_of_unpacked_numbers(path: Path) -> None:
+    made = dataset().assign(displacement=("time", np.arange(N, dtype="int16"), {"units": "mm"}))
+    made["displacement"].attrs |= {"scale_factor": 0.5, "valid_max": 24.0}
+    made.to_netcdf(path, engine="h5netcdf")
+    (found,) = read_recordings(path, allow_gaps=True)
+    assert found.outputs[0, -1] == 24e-3
+
+
+@pytest.mark.parametrize("groups", [["bench/run"], ["", "bench"], ["drive", "sensor"]])
+def test_groups(path: Path, groups: list[str]) -> None:
+    first, last = groups[0], groups[-1]
+    made = dataset()
+    made[["command"]].to_netcdf(path, group=first, engine="h5netcdf")
+    made[["displacement"]].drop_vars("time").to_netcdf(path, group=last, mode="a", engine="h5netcdf")
+    check(read_recording(path))
+
+
+def test_groups_with_the_same_names(path: Path) -> None:
+    for k, group in enumerate(("first", "second")):
+        made = dataset() * (k + 1)
+        made["command"].attrs["units"], made["displacement"].attrs["units"] = "V", "mm"
+        made.to_netcdf(path, group=group, mode="a", engine="h5netcdf")
+    with pytest.raises(DataError, match=r'the file has .*"first.command"'):
+        read_recording(path)
+    found = read_recording(path, input_column="second.command", output_column="second.displacement")
+    np.testing.assert_array_equal(found.inputs[0], 2.0 * COMMAND)
 
 
 def test_version_3(path: Path) -> None:

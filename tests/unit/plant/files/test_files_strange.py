@@ -152,8 +152,49 @@ def test_a_power_cut_within_a_row_is_refused_and_one_between_rows_is_not(tmp_pat
     (tmp_path / "r.csv").write_bytes(table.encode() + bytes(64))
     assert read_recording(tmp_path / "r.csv").n_samples == len(ROWS)
     (tmp_path / "r.csv").write_bytes(table.encode()[:-3] + bytes(64))  # the last number is cut
-    with pytest.raises(DataError, match="not a text file"):
+    with pytest.raises(DataError, match="breaks off within a row, and zeros follow; remove them and the row"):
         read_recording(tmp_path / "r.csv")
+
+
+@pytest.mark.parametrize(
+    ("form", "lost"),
+    [("{:.4f}", 1), ("{:.4f}", 4), ("{:.6e}", 1), ("{:.6e}", 4), ("{!r}", 9), ("{:.1f}", 2), ("{:05.0f}", 2)],
+)
+@pytest.mark.parametrize("ending", ["csv", "lvm"])
+def test_a_number_that_is_cut_short_at_the_end_is_no_value(tmp_path: Path, form: str, lost: int, ending: str) -> None:
+    values = (1000.0 * np.random.default_rng(5).uniform(2.0, 3.0, 40) ** 0.5).tolist()
+    rows = [f"{t:.2f},{u:.4f},{form.format(y)}" for t, u, y in zip(T, U, values, strict=True)]
+    head = [HEAD]
+    if ending == "lvm":
+        head = [
+            "LabVIEW Measurement",
+            "Separator,Comma",
+            "***End_of_Header***",
+            "Channels,2",
+            "***End_of_Header***",
+            HEAD,
+        ]
+    whole = "\n".join([*head, *rows])
+    path = tmp_path / f"r.{ending}"
+    for text in (whole, f"{whole}\n", whole[:-lost] + "\n"):  # with its line break, the last number is complete
+        path.write_text(text, encoding="utf-8")
+        assert read_recording(path).n_samples == 40
+    path.write_text(whole[:-lost], encoding="utf-8")
+    with pytest.raises(
+        DataError, match=r'row \d+, column "displacement_mm": the file ends within this row, and .* line break'
+    ):
+        read_recording(path)
+
+
+def test_a_number_before_cells_that_are_lost_is_no_value(tmp_path: Path) -> None:
+    text = "\n".join([f"{HEAD},status", *(f"{row},on" for row in ROWS)])
+    for lost, refused in ((0, False), (2, True), (3, True), (4, True)):
+        (tmp_path / "r.csv").write_text(text[: len(text) - lost], encoding="utf-8")
+        if refused:
+            with pytest.raises(DataError, match=r'row 41, column "displacement_mm": the file ends within this row'):
+                read_recording(tmp_path / "r.csv")
+        else:
+            assert read_recording(tmp_path / "r.csv").n_samples == 40
 
 
 @pytest.mark.parametrize("form", ["12:00:0{}.{}", "2024-05-01 12:00:0{}.{}", "{}.{}"])
@@ -274,3 +315,37 @@ def test_a_unit_of_time_is_offered_only_where_no_more_than_capitals_differ(tmp_p
 def test_a_remark_behind_the_unit_belongs_to_the_name_and_a_factor_leaves_the_unit_unknown() -> None:
     assert split_unit("Weg [mm] (gemittelt)") == ("Weg (gemittelt)", "mm")
     assert split_unit("x [mm] (x10)")[1] == ""
+
+
+@pytest.mark.parametrize(
+    ("lines", "fault"),
+    [
+        ([HEAD, "x1,x1,x0.001", *ROWS], 'the line of factors in the header has "x0.001", which is not applied'),
+        ([HEAD, "x1,*10,x1", *ROWS], r'the line of factors in the header has "\*10"'),
+        (
+            [
+                ",".join(["time_s", *map(str, T)]),
+                ",".join(["command_V", *map(str, U)]),
+                ",".join(["y_mm", *map(str, Y)]),
+            ],
+            'row 1: "time_s" and its samples run along the row; give each signal a column, in Python with DataFrame.T',
+        ),
+        (
+            ["minute,second,command_V,displacement_mm"]
+            + [f"{k // 120},{0.5 * (k % 120):.1f},{k % 7},{k % 5}" for k in range(200)],
+            "row 122: .* the seconds of a minute begin again: write hours, minutes and seconds in one column",
+        ),
+    ],
+)
+def test_a_layout_that_would_mislead_is_named(tmp_path: Path, lines: list[str], fault: str) -> None:
+    (tmp_path / "r.csv").write_text("\n".join([*lines, ""]), encoding="utf-8")
+    with pytest.raises(DataError, match=fault):
+        read_recording(tmp_path / "r.csv")
+
+
+def test_a_line_of_units_may_hold_powers_of_ten(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("\n".join(["time,cmd,laser", "s,V,10^-3 m", *ROWS, ""]), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="cmd", output_column="laser")
+    assert (found.input_units, found.output_units) == (("V",), ("10^-3 m",))
+    (tmp_path / "r.csv").write_text("\n".join([HEAD, "x1,X 1.0,x1", *ROWS, ""]), encoding="utf-8")
+    assert read_recording(tmp_path / "r.csv").outputs[0, 0] == pytest.approx(5e-3)

@@ -175,3 +175,24 @@ def test_letters_of_latin_1_are_no_chinese(tmp_path: Path, name: str) -> None:
     path = tmp_path / "r.csv"
     path.write_bytes(f"time_s;command_V;{name}\n0;0;1\n1;1;2\n".encode("latin-1"))
     assert read_recording(path, output_column=name).output_names == (name,)
+
+
+@pytest.mark.parametrize("unit", ["mm", "V", "kV", "degC", "deg"])
+@pytest.mark.parametrize("form", ["{:.4f}", "{:.17g}", "{:.6E}", "{:g}"])
+@pytest.mark.parametrize(("mark", "sign"), [(",", "."), (";", ","), ("\t", "."), (" ", ",")])
+def test_even_rows_are_read_as_rows_that_need_a_closer_look(
+    tmp_path: Path, unit: str, form: str, mark: str, sign: str
+) -> None:
+    """Only rows with quotation marks are split one by one."""
+    values = np.random.default_rng(7).normal(size=(300, 2)) * [1e-4, 1e3]
+    texts = [[form.format(value).replace(".", sign) for value in row] for row in values]
+    head = mark.join(["time_s", "u_V", f"y_{unit}"])
+    for name, quote in (("even", ""), ("quoted", '"')):
+        rows = [mark.join([str(k), row[0], f"{quote}{row[1]}{quote}"]) for k, row in enumerate(texts)]
+        (tmp_path / f"{name}.csv").write_text("\n".join([head, *rows, ""]), encoding="utf-8")
+    even, quoted = (
+        read_recording(tmp_path / f"{name}.csv", input_column="u", output_column="y") for name in ("even", "quoted")
+    )
+    np.testing.assert_array_equal(even.outputs, quoted.outputs)
+    np.testing.assert_array_equal(even.inputs, quoted.inputs)
+    np.testing.assert_array_equal(even.inputs[0], [float(row[0].replace(",", ".")) for row in texts])

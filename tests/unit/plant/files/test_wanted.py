@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import read_recording
+from deatwin.plant.files.headers import said_unit, split_unit
 from deatwin.plant.files.units import UNITS
 
 SI = sorted({unit.si for unit in UNITS.values()} - {"", "1", "s"})
@@ -195,3 +196,61 @@ def test_a_name_with_an_equals_sign_wins(tmp_path: Path) -> None:
     assert read(path, "x=mm=um") == ("x=mm", "m", [1e-6, 2e-6, -3e-6])
     with pytest.raises(DataError, match='no column "y"'):
         read(path, "y=um")
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "HV (V/kV)",
+        "HV [1 V/kV]",
+        "HV (1V/kV)",
+        "HV (1 V = 1 kV)",
+        "HV (V per kV)",
+        "HV (mV/kV)",
+        "HV (kV/V)",
+        "HV (A/kV)",
+    ],
+)
+def test_the_scale_of_a_monitor_is_no_unit(tmp_path: Path, header: str) -> None:
+    """Nobody knows whether the numbers are those of the monitor or have been scaled."""
+    rows = [f"{0.02 * k:.2f},{k % 7},{k % 5}" for k in range(40)]
+    (tmp_path / "r.csv").write_text("\n".join([f"time_s,{header},displacement_mm", *rows, ""]), encoding="utf-8")
+    with pytest.raises(DataError, match=r'scale of a monitor, of which 1 stands for 1 kV, state it: "HV .*=kV"'):
+        read_recording(tmp_path / "r.csv", input_column=header, input_unit="V")
+    assert read_recording(tmp_path / "r.csv", input_column=f"{header}=kV", input_unit="V").inputs[0, 6] == 6e3
+    found = read_recording(tmp_path / "r.csv", input_column=header)  # a NARX model takes any numbers
+    assert found.inputs[0, 6] == 6.0 and found.input_units[0] not in ("V", "1")
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        ("HV (kV) monitor", "HV monitor", "kV"),
+        ("Position [um] of the edge", "Position of the edge", "um"),
+        ("U (kV DC)", "U", "kV"),
+        ("HV [kVDC]", "HV", "kV"),
+        ("bridge (mV/V)", "bridge", "mV/V"),
+        ("strain (um/m)", "strain", "um/m"),
+        ("speed (m) per s", "speed (m) per s", ""),
+        ("U (V rms)", "U", ""),
+        ("HV (1:1000)", "HV", ""),
+    ],
+)
+def test_units_beside_words(header: str, name: str, unit: str) -> None:
+    assert split_unit(header) == (name, unit)
+    assert unit or not header.endswith(")") or said_unit(header)
+
+
+def test_a_ratio_in_a_header_is_no_volt(tmp_path: Path) -> None:
+    rows = [f"{0.02 * k:.2f},{k % 7},{k % 5}" for k in range(40)]
+    (tmp_path / "r.csv").write_text("\n".join(["time_s,HV (1:1000),displacement_mm", *rows, ""]), encoding="utf-8")
+    with pytest.raises(DataError, match=r'is in 1:1000, but the model needs it in V.*"HV \(1:1000\)=UNIT"'):
+        read_recording(tmp_path / "r.csv", input_column="#2", input_unit="V")
+
+
+def test_a_sensitivity_gives_way_to_the_unit_that_a_user_states(tmp_path: Path) -> None:
+    rows = [f"{0.02 * k:.2f},{k % 7},{k % 5}" for k in range(40)]
+    (tmp_path / "r.csv").write_text("\n".join(["time_s,command_V,laser (mm/V)", *rows, ""]), encoding="utf-8")
+    with pytest.raises(DataError, match=r'scale of a monitor, of which 1 stands for 1 mm, state it: .*=mm"'):
+        read_recording(tmp_path / "r.csv", output_column="#3", output_unit="m")
+    assert read_recording(tmp_path / "r.csv", output_column="#3=mm", output_unit="m").outputs[0, 4] == 4e-3

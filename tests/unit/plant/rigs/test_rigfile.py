@@ -1,6 +1,7 @@
 """Rig files: every key checked, one clear error for each fault."""
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,34 @@ def test_some_keys_may_be_left_out(tmp_path: Path, text: str, expected: tuple[ob
         ),
         ("gain = 800.0", "gain = high", r'line 11, gain: a text must be in quotes: write "high"'),
         ("gain = 800.0", "gain = [800.0", r"not valid TOML: .*line 1"),
+        (
+            '"VHB 4905"',
+            r'"C:\data\vhb.toml"',
+            r"line 2, material: a backslash .*write 'C:\\data\\vhb.toml', or C:/data/vhb.toml",
+        ),
+        ('"VHB 4905"', r'"C:\Uni\lab\vhb.toml"', r"line 2, material: a backslash .*, or C:/Uni/lab/vhb.toml"),
+        (
+            '"VHB 4905"',
+            r'"C:\new\tab.toml"',
+            r"line 2, material: a backslash .*write 'C:\\new\\tab.toml'",
+        ),  # it is TOML
+        ('"VHB 4905"', '"VHB 4905  # tape', r'line 2, material: the closing quote is missing: write "VHB 4905"'),
+        ("gain = 800.0", "gain: 800.0", r"line 11: write gain = 800.0"),
+        ("gain = 800.0", "gain (V/V) = 800.0", r"line 11: write gain_V_V = 800.0"),
+        ("noise_um", "noise_µm", r"line \d+: write noise_um = 2.0"),
+        ("gain = 800.0", "gain = 800.0;", r"line 11, gain: leave the semicolon out: write 800.0"),
+        ("gain = 800.0", "gain = 800.0 // V/V", r"line 11, gain: a comment begins with #, not with //: write 800.0"),
+        ("gain = 800.0", "gain = 1.800,5", r"line 11, gain: write a number .* and no other mark: 1800.5"),
+        ("gain = 800.0", "gain = 8 x 10^2", r"line 11, gain: write a power of ten as 8e2"),
+        ("gain = 800.0", "gain = 0800.0", r"line 11, gain: a number must not begin with 0: write 800.0"),
+        ("gain = 800.0", "gain = 1600/2", r"line 11, gain: write a number, not a formula"),
+        ("[sensor]", "[drive]", r"line 14: the section \[drive\] is already in line 10: keep one of the two"),
+        ("[film]", "film:", r"line 1: a section must be in brackets: write \[film\]"),
+        ("[film]", '{"film": 1}', r"it is JSON; write sections in brackets"),
+        ("[load]", "[film.load]", r'toml: "load" is a section of its own, not a part of \[film\]: write \[load\]$'),
+        ("[load]\n", "load.", r'2 mistakes: .*"load" is a section of its own, not a part of \[film\]: write \[load\]'),
+        ("[load]", "[rig.load]", r"rig.toml: write \[load\], not \[rig.load\]$"),
+        ("gain = 800.0", 'gain = 800.0\nkind = "disc"', r'\[drive\]: the key "kind" belongs above the first section'),
     ],
 )
 def test_faults(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -83,6 +112,12 @@ def test_faults(tmp_path: Path, old: str, new: str, message: str) -> None:
         read(tmp_path, RIG.replace(old, new))
     assert "rig.toml" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_line_ends_of_any_system(tmp_path: Path) -> None:
+    for end in ("\r\n", "\r"):
+        (tmp_path / "rig.toml").write_bytes(RIG.replace("\n", end).encode())
+        assert read_rig(tmp_path / "rig.toml").to_dict() == tomllib.loads(RIG)
 
 
 SILICONE = """\

@@ -5,7 +5,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from rig_files import SOUND
+from rig_files import RIG, SOUND
 
 from deatwin.plant import load_plant
 from deatwin.plant.errors import RigError
@@ -222,3 +222,20 @@ def test_a_key_in_another_unit_is_offered_with_its_value_there(given, said):
     value = tomllib.loads(given)[name]
     (found,) = (m for m in mistakes_of({section: {name: value}}) if m.line_of == (section, name))
     assert found.text == f'unknown key "{name}"; did you mean {said}'
+
+
+@pytest.mark.parametrize(
+    ("drive", "fault"),
+    [
+        ("gain = 800.0\ncommand_max_V = 12000", r"12000 times the gain of 800 is 9.6e\+06 V on the film, .*, write 15"),
+        ("gain = 800.0\ncommand_min_V = -40", "-40 times the gain of 800 is -32000 V on the film, .*, write -0.05"),
+        ("gain = 1.0\ncommand_max_V = 60000", "60000 times the gain of 1 is 60000 V on the film, but .* than 30000 V"),
+        ('input = "film voltage"\ncommand_max_V = 60000', "60000 times the gain of 1 is 60000 V on the film"),
+        ("gain = 800.0\ncommand_max_V = 15", ""),
+        ('input = "film voltage"\ncommand_max_V = 12000', ""),
+    ],
+)
+def test_commands_that_no_film_takes(drive: str, fault: str) -> None:
+    rig = tomllib.loads(RIG.replace("gain = 800.0", drive))
+    found = [mistake.text for mistake in mistakes_of(rig)]
+    assert len(found) == bool(fault) and all(re.fullmatch(f"{fault}.*", text) for text in found), found

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.formats.table import OVERFLOW, Declared, Table, Timing
+from deatwin.plant.files.formats.table import Declared, Table, Timing
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, find_unit
@@ -22,6 +22,9 @@ _SCALING = re.compile(
     r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset|factor|multiplier|conversion)([ _].*)?|.*per[ _]?(count|bit|lsb)"
 )
 """Names of attributes that may say how numbers become values; of whole numbers, the resolution may, too."""
+_FILLS = re.compile(
+    r"(?i)_?fill_?value|missing_?value|no_?data(_?value)?"
+)  # Attributes that name the numbers in place of missing values
 _COUNTED = ("", "1", "count", "counts", "adu", "dn", "lsb", "raw")  # Units, in lower case, of values that are counts
 
 
@@ -79,18 +82,19 @@ class ArrayTable(Table):
                     f'{self.where(sample)}, column "{self.shown(column)}": {values[sample]} is not a finite number'
                 )
         found = np.array([self._si(column) for column in columns])
-        if (large := np.abs(found) > OVERFLOW).any():
+        if (large := np.abs(found) > np.array([[self.largest(column)] for column in columns])).any():
             place, sample = np.argwhere(large)[0]
             raise DataError(
                 f'{self.where(sample)}, column "{self.shown(columns[place])}": {self.columns[columns[place]][sample]:g} marks '
-                "an overflow or a missing value; put NaN in its place"
+                "an overflow or a missing value; put NaN in its place, or give a true value in a larger unit"
             )
         return found
 
     def _si(self, column: int) -> NDArray[np.float64]:
         """Return a column in the wanted unit; values already in this unit stay unchanged, including -0.0."""
         if scale := self.scales.get(column):
-            return self._since_first(column, scale)
+            times = [*self.texts(column)] if scale.texts else []
+            return np.array(scale.seconds(times)) if times else self._since_first(column, scale)
         values, unit = self.columns[column].astype(np.float64), self.unit(column)
         return values if unit.is_si else unit.to_si(values)
 
@@ -163,6 +167,40 @@ def require_no_scale(attributes: Mapping[str, Any], place: str, path: str, *, wh
                 "which is not applied; scale the values and remove it, or only remove it if they are in "
                 f"{clipped(unit)} already (in HDF5 and NetCDF, scale_factor and add_offset are applied)"
             )
+
+
+def unscaled(packed: np.ndarray, attributes: Mapping[str, Any], place: str, path: str) -> np.ndarray:
+    """Return values unpacked as sections 2.5 and 8.1 of the CF conventions say; missing and invalid ones become nan."""
+    known = numeric(attributes)
+    if not known.keys() & {"scale_factor", "add_offset"}:
+        require_no_scale(attributes, place, path, whole=packed.dtype.kind in "iu")
+    if packed.dtype.kind == "i" and attributes.get("_Unsigned") in ("true", b"true"):
+        packed = packed.view(packed.dtype.str.replace("i", "u"))
+    fills = [np.ravel(value) for name, value in attributes.items() if _FILLS.fullmatch(name)]
+    limits = {
+        name: np.ravel(attributes[name]) for name in ("valid_range", "valid_min", "valid_max") if name in attributes
+    }
+    if packed.dtype.kind not in "fiu" or not (fills or limits or known.keys() & {"scale_factor", "add_offset"}):
+        return packed
+    values = packed.astype(np.float64) * float(known.get("scale_factor", 1.0)) + float(known.get("add_offset", 0.0))
+    absent = np.zeros(packed.shape, dtype=bool)
+    for numbers in (fill for fill in fills if fill.dtype.kind in "fiu"):
+        with np.errstate(invalid="ignore"):
+            absent |= np.isin(packed, numbers.astype(packed.dtype))
+    for name, numbers in limits.items():
+        if numbers.dtype.kind not in "fiu" or numbers.size != 1 + (name == "valid_range"):
+            raise DataError(f'{path}: the attribute "{name}" of "{clipped(place)}" is {clipped(numbers)}; remove it')
+        # Limits have the type of the numbers that they limit.
+        limited = values if numbers.dtype.kind == "f" and packed.dtype.kind != "f" else packed
+        absent |= (limited < numbers[0]) & (name != "valid_max") | (limited > numbers[-1]) & (name != "valid_min")
+    return np.where(absent, np.nan, values)
+
+
+def short_names(found: Mapping[str, Any]) -> dict[str, str]:
+    """Return field names without the names of their structs or groups, if they stay unique."""
+    last = {name: name.rpartition(".")[2] for name in found if not re.match(r"(?i)units?\.", name)}
+    ends = list(last.values())
+    return {name: last[name] if ends.count(last.get(name, "")) == 1 else name for name in found}
 
 
 def numeric(attributes: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ and ``Delta_X``, and a line of names. ``X_Columns`` says if x values are left ou
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +50,8 @@ def read_lvm(path: str | Path) -> CsvTable:
     content, name = read_bytes(path, TEXT_BYTES), str(path)
     if (count := content.count(b"\n")) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
-    lines = decode(content, name).splitlines()
+    text = decode(content, name)
+    lines = text.splitlines()
     if not lines or not lines[0].startswith(_MAGIC):
         raise DataError(
             f'{name}: not a LabVIEW measurement file: it does not begin with "{_MAGIC}"; if it is a plain table, change its ending to .txt'
@@ -68,7 +69,8 @@ def read_lvm(path: str | Path) -> CsvTable:
     unit = next((cell for cell in first.header.get("X_Unit_Label", []) if cell and find_unit(cell) != "s"), "")
     if unit:
         raise DataError(f'{name}: its x values are in "{clipped(unit)}"; save them in seconds')
-    return _table(segments, separator, about.get("X_Columns", "One"), name, hashlib.sha256(content).hexdigest())
+    table = _table(segments, separator, about.get("X_Columns", "One"), name, hashlib.sha256(content).hexdigest())
+    return replace(table, ended=text.endswith("\n"))
 
 
 def _file_header(lines: list[str], path: str) -> tuple[str, dict[str, str]]:

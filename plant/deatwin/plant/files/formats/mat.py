@@ -20,7 +20,14 @@ import numpy as np
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes, read_table
 from deatwin.plant.files.formats.apart import unpacked
-from deatwin.plant.files.formats.arrays import ArrayTable, array_table, numeric, require_no_scale, units_of
+from deatwin.plant.files.formats.arrays import (
+    ArrayTable,
+    array_table,
+    require_no_scale,
+    short_names,
+    units_of,
+    unscaled,
+)
 from deatwin.plant.files.formats.description import (
     KEY,
     describe,
@@ -47,8 +54,6 @@ _WIDEST = 64  # Largest number of signals in a matrix or an array of structs; wi
 _UNREAD = frozenset(
     {"MATLAB_empty", "MATLAB_object_decode"}
 )  # Marks of empty arrays, and of objects such as timetables
-_PACKING = ("scale_factor", "add_offset")  # Attributes of HDF5 with which a value is packed
-_FILLS = ("_FillValue", "missing_value")  # Attributes of HDF5 that name the number in place of a missing value
 _UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # Classes of variables that are ignored
 
 
@@ -81,7 +86,7 @@ def write_mat(path: str | Path, recording: Recording) -> None:
 
 def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
     """Make a table from the vectors of a file, given by name."""
-    short = _short_names(found)
+    short = short_names(found)
     arrays = {short[name]: value for name, value in found.items() if isinstance(value, np.ndarray)}
     columns = {name: value.ravel() for name, value in arrays.items() if value.size > 1 and value.size in value.shape}
     lengths = {values.size for values in columns.values()}
@@ -139,13 +144,6 @@ def _of_matrix(name: str, value: np.ndarray, lengths: set[int]) -> dict[str, np.
     if value.shape[0] >= value.shape[1]:
         return {f"{name}(:,{k})": column for k, column in enumerate(value.T, start=1)}
     return {f"{name}({k},:)": row for k, row in enumerate(value, start=1)}
-
-
-def _short_names(found: Mapping[str, Any]) -> dict[str, str]:
-    """Return field names without the names of their structs, if they stay unique."""
-    last = {name: name.rpartition(".")[2] for name in found if not re.match(r"(?i)units?\.", name)}
-    ends = list(last.values())
-    return {name: last[name] if ends.count(last.get(name, "")) == 1 else name for name in found}
 
 
 def _timing(arrays: Mapping[str, np.ndarray], units: Mapping[str, str], path: str) -> Timing | None:
@@ -218,7 +216,9 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
                 values |= _fields(name.replace("/", "."), node)
             elif node.dtype.kind in "fiub" and kind not in ("cell", "function_handle"):
                 place = name.replace("/", ".")
-                values[place] = _unscaled(node, place, path).T  # MATLAB stores arrays by columns
+                values[place] = unscaled(
+                    np.asarray(node[()]), node.attrs, place, path
+                ).T  # MATLAB stores arrays by columns
                 if unit := " ".join(units_of(node.attrs)):
                     values[f"units.{place}"] = unit
     return values
@@ -232,19 +232,6 @@ def _fields(place: str, node: Any) -> dict[str, Any]:
     return values | {
         f"units.{place}.{name}": unit for name, unit in zip(names, said, strict=False) if len(said) == len(names)
     }
-
-
-def _unscaled(node: Any, place: str, path: str) -> np.ndarray:
-    """Return the values of a data set, unpacked as section 8.1 of the CF conventions says; fill values become nan."""
-    packed = np.asarray(node[()])  # a scalar, too
-    known = {name: value for name, value in numeric(node.attrs).items() if name in (*_PACKING, *_FILLS)}
-    if not any(name in known for name in _PACKING):
-        require_no_scale(node.attrs, place, path, whole=packed.dtype.kind in "iu")
-    if not known:
-        return packed
-    values = packed.astype(np.float64)
-    values[np.isin(packed, [known[name] for name in _FILLS if name in known])] = np.nan
-    return np.asarray(values * float(known.get("scale_factor", 1.0)) + float(known.get("add_offset", 0.0)))
 
 
 def _structs(name: str, node: Any, file: Any) -> Iterator[tuple[str, Any]]:

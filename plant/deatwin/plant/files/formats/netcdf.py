@@ -1,6 +1,6 @@
 """NetCDF files, by xarray: version 4 through h5netcdf, version 3 through SciPy.
 
-The variables along one dimension are the columns; an attribute such as ``units`` names the unit. The clock starts at
+The variables along one dimension, of all groups, are the columns; an attribute such as ``units`` names the unit. The clock starts at
 the date of a coordinate that counts ``seconds since`` it (https://cfconventions.org, section 4.4).
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes
 from deatwin.plant.files.formats.apart import unpacked
-from deatwin.plant.files.formats.arrays import ArrayTable, array_table, require_no_scale, units_of
+from deatwin.plant.files.formats.arrays import ArrayTable, array_table, short_names, units_of, unscaled
 from deatwin.plant.files.formats.description import KEY, read_description
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared
@@ -47,19 +47,26 @@ def read_netcdf(path: str | Path) -> ArrayTable:
 def variables_of(content: bytes, path: str) -> tuple[dict[str, tuple[np.ndarray, str]], dict[str, str]]:
     """Return the variables along one dimension with their units, and the texts that are attributes of the file."""
     xarray, engine = _xarray(f"{path}: a NetCDF file"), _ENGINES[content[:3]]
-    # HDF5 files of other programs may have no named dimensions.
-    options = {"phony_dims": "access"} if engine == "h5netcdf" else {}
+    options: dict[str, Any] = {"engine": engine, "decode_times": False, "mask_and_scale": False}
+    groups = [""]
     if engine == "h5netcdf":
-        with require("h5py", path).File(io.BytesIO(content), "r") as file:
+        options["phony_dims"] = "access"  # HDF5 files of other programs may have no named dimensions
+        h5py = require("h5py", path)
+        with h5py.File(io.BytesIO(content), "r") as file:
             require_plain_hdf5(file, path)
-    with xarray.open_dataset(Metered(content, path), engine=engine, decode_times=False, **options) as dataset:
-        found = {}
-        for key, variable in dataset.variables.items():
-            if variable.ndim and sum(size > 1 for size in variable.shape) <= 1:
-                require_no_scale(variable.attrs, str(key), path, whole=variable.dtype.kind in "iu")
-                found[str(key)] = np.array(variable.values).ravel(), " ".join(units_of(variable.attrs))
-        attributes = {str(key): value for key, value in dataset.attrs.items() if isinstance(value, str)}
-    return found, attributes
+            file.visititems(lambda name, node: groups.append(name) if isinstance(node, h5py.Group) else None)
+    found: dict[str, tuple[np.ndarray, str]] = {}
+    attributes: dict[str, str] = {}
+    for group in groups:
+        with xarray.open_dataset(Metered(content, path), group=group or None, **options) as dataset:
+            for key, variable in dataset.variables.items():
+                if variable.ndim and sum(size > 1 for size in variable.shape) <= 1:
+                    name = ".".join([*group.split("/"), str(key)]).lstrip(".")
+                    values = unscaled(np.array(variable.values), variable.attrs, name, path)
+                    found[name] = values.ravel(), " ".join(units_of(variable.attrs))
+            attributes |= {str(key): value for key, value in dataset.attrs.items() if isinstance(value, str)}
+    short = short_names(found) if len(groups) > 1 else {name: name for name in found}
+    return {short[name]: value for name, value in found.items()}, attributes
 
 
 def write_netcdf(path: str | Path, recording: Recording) -> None:

@@ -16,7 +16,7 @@ from deatwin.plant.safe_read import clipped
 
 _SAME_CLOCK = 1e-3  # Relative difference below which two sample times mean the same clock
 _NO_UNITS = ("", "-", "–", "1")  # Entries in a line of units that stand for no unit
-OVERFLOW = 1e20  # SI value above which a number marks an overflow or a missing value: 9.91e37 pF is 9.91e25 F
+OVERFLOW = 1e29  # Number in a file above which it marks an overflow or a missing value, as 1e30 and 9.91e37 do
 _LISTED = 20  # Largest number of headers that an error lists
 
 
@@ -95,6 +95,11 @@ class Table(ABC):
         if known and find_unit(own) == known:  # the file declares this unit, which is kept
             return self.wanted.get(column, Unit(own))
         return self.wanted.get(column) or (UNITS[known] if known else Unit(self.own_unit(column)))
+
+    def largest(self, column: int) -> float:
+        """Return the largest SI value that is no mark of an overflow; a recording that deatwin wrote holds no marks."""
+        declared = self.headers[column] in {signal.header for signal in self.declared.signals}
+        return np.inf if declared else float(self.unit(column).to_si(np.array(OVERFLOW)))
 
     def own_unit(self, column: int) -> str:
         """Return the unit of a column, counted from 0; an unknown unit is returned as spelled in the file."""

@@ -44,7 +44,8 @@ def read_xlsx(path: str | Path) -> CsvTable:
     tables = {}
     for title, lines in filled.items() or [("", [])]:
         try:
-            tables[title] = table_of(lines, str(path), hashlib.sha256(content).hexdigest())
+            rows, texts = zip(*lines, strict=True) if lines else ((), ())
+            tables[title] = table_of(texts, rows, str(path), hashlib.sha256(content).hexdigest())
         except DataError:  # a sheet of notes, beside the one with samples
             if len(filled) < 2:
                 raise
