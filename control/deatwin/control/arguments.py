@@ -57,6 +57,13 @@ def numbers(value: Any, name: str) -> None:
         raise ControlError(str(error)) from None
 
 
+def polynomials(value: Any, name: str) -> None:
+    """Raise an error unless a value is an array of real numbers, with one coefficient or more. Shapes: `value` (..., n)."""
+    numbers(value, name)
+    if np.size(value) == 0:
+        raise ControlError(f"{name} must have one coefficient or more; got {_kind(value)}")
+
+
 def coefficients(value: Any, name: str) -> None:
     """Raise an error unless a value is one list of finite numbers. Shapes: `value` (n,)."""
     numbers(value, name)

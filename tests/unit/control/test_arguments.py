@@ -167,7 +167,6 @@ FURTHER = {name: {"name": "own"} for name in ("LinearController", "InverseContro
     "LinearModel": {"operating_input": 0.5, "operating_output": 0.5}
 }
 PASSES = {
-    ("margins", "numerators", "empty"): "an empty loop has no gain",
     ("margins", "numerators", "matrix"): "two loops",
     ("margins", "denominators", "matrix"): "two loops",
     ("linearise_many", "operating_inputs", "matrix"): "four points",
@@ -264,6 +263,10 @@ def test_loops_of_shapes_that_do_not_fit_are_refused():
     for act in (control.in_series, partial(control.margins, sample_time=0.1)):
         with pytest.raises(ControlError, match=r"shapes \(2, 2\) and \(3, 2\) do not fit"):
             act(np.ones((2, 2)), np.ones((3, 2)))
+        for empty in ([], [[]], np.ones((0, 3))):
+            for loop in ((empty, [1.0]), ([1.0], empty)):
+                with pytest.raises(ControlError, match="must have one coefficient or more; got a"):
+                    act(*loop)
 
 
 def test_a_description_without_a_key_is_refused():
