@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime, require_reading_time
@@ -15,6 +16,7 @@ Array = NDArray[np.float64]
 _PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # Edges of the filter, relative to the new Nyquist frequency
 
 
+@taking(recording=instance(Recording, error=DataError))
 def decimate(recording: Recording, factor: int, *, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> Recording:
     """Apply a zero-phase low-pass filter to all signals, then keep every ``factor``-th sample.
 
@@ -103,6 +105,7 @@ def _averaged(recording: Recording, factor: int) -> Recording:
     )
 
 
+@taking(recording=instance(Recording, error=DataError))
 def removed_share(recording: Recording, factor: int) -> dict[str, float]:
     """Return the share of each signal's variance that `decimate` removes.
 
