@@ -11,6 +11,7 @@ import numpy as np
 from deatwin.control.errors import ControlError
 from deatwin.ident.arguments import real_numbers
 from deatwin.plant.arguments import Check, kind_of
+from deatwin.plant.arguments import each as each_of
 from deatwin.plant.arguments import instance as of_class
 from deatwin.plant.arguments import require_fields as require_fields
 from deatwin.plant.arguments import taking as taking
@@ -104,14 +105,7 @@ def instance(*kinds: type, hint: str = "") -> Check:
 
 def each(check: Check) -> Check:
     """Return a check that applies another check to every member of a sequence."""
-
-    def check_all(value: Any, name: str) -> None:
-        if not isinstance(value, list | tuple | np.ndarray):
-            raise ControlError(f"{name} must be a list or a tuple; got {kind_of(value)}")
-        for place, member in enumerate(value):
-            check(member, f"{name}[{place}]")
-
-    return check_all
+    return each_of(check, ControlError)
 
 
 def generator(value: Any, name: str) -> None:

@@ -57,6 +57,24 @@ def instance(*kinds: type, hint: str = "", error: type[DeatwinError] = ModelErro
     return check
 
 
+def each(check: Check, error: type[DeatwinError] = ModelError) -> Check:
+    """Return a check that applies another check to every member of a sequence."""
+
+    def check_all(value: Any, name: str) -> None:
+        if not isinstance(value, list | tuple | np.ndarray):
+            raise error(f"{name} must be a list or a tuple; got {kind_of(value)}")
+        for place, member in enumerate(value):
+            check(member, f"{name}[{place}]")
+
+    return check_all
+
+
+def truth(value: Any, name: str) -> None:
+    """Raise an error unless a value is True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise ModelError(f"{name} must be True or False; got {kind_of(value)}")
+
+
 def file_name(value: Any, name: str) -> None:
     """Raise an error unless a value is the path of a file."""
     instance(str, PathLike, error=DataError)(value, name)

@@ -19,6 +19,7 @@ from deatwin.ident.materials.result import CalibratedMaterial, Choice
 from deatwin.ident.materials.section import section_of, stated_energy
 from deatwin.ident.materials.testfile import MaterialTests
 from deatwin.ident.materials.tests import MaterialTest
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.errors import DataError
 from deatwin.plant.rigs.rigmaterial import read_material
 
@@ -40,6 +41,7 @@ class _Chosen:
     noise: Noise
 
 
+@taking(about=instance(Mapping, error=DataError))
 def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] | None = None) -> CalibratedMaterial:
     """Fit one material to several tests.
 

@@ -10,6 +10,7 @@ from math import log
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.narx.levels import input_levels, said_of_levels
 from deatwin.ident.narx.preprocess.stationarity import (
     ENOUGH_CORRELATION_TIMES,
@@ -20,6 +21,7 @@ from deatwin.ident.narx.preprocess.stationarity import (
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.repeats import whole_period_of
 from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
+from deatwin.plant.arguments import taking
 from deatwin.plant.errors import DataError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording, label
@@ -83,6 +85,7 @@ class Finding:
         return f"{self.recording}, {self.signal}: {self.text}"
 
 
+@taking(degree=whole_number)
 def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: int = 3) -> tuple[Finding, ...]:
     """Look for trends, drift, outliers, quantisation, clipping, constant stretches and few levels.
 
@@ -110,7 +113,7 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
     DataError
         If a recording is too short, or the level makes no sense.
     """
-    if not 0.0 < level < 1.0:
+    if not 0.0 < real_number(level, "level") < 1.0:
         raise DataError(f"level = {level}; it must lie between 0 and 1")
     found: list[Finding] = []
     chosen = flatten(recordings)
