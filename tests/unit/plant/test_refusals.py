@@ -137,7 +137,10 @@ EXCITATION: list[tuple[Callable[[], object], str]] = [
     (lambda: multisine(mean=4.0), "lower < mean < upper"),
 ]
 RECORDS: list[tuple[Callable[[], object], str]] = [
-    *((lambda ends=ends: ramp().section(*ends), "record of 100 samples") for ends in ((-1, 5), (5, 5), (90, 101))),
+    *(
+        (lambda ends=ends: ramp().section(*ends), "record of 100 samples")
+        for ends in ((-1, 5), (5, 5), (90, 101), (0.0, 5.0), (0, None))
+    ),
     (lambda: arrays([1.0, 2.0], [0.0, np.nan], 1.0), 'channel "displacement" is nan at sample 1'),
     *((lambda h=h: arrays([1.0], [1.0], h), "sample time .* must be positive") for h in (0.0, -1.0, np.inf, np.nan)),
     (lambda: arrays(np.ones(5), np.ones(4), 1.0), r"outputs have the shape \(1, 4\)"),
