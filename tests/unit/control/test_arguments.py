@@ -259,6 +259,22 @@ def test_the_error_names_the_argument_and_what_would_be_right():
             control.lambda_tuning(**{**TIMED, **given})
 
 
+@pytest.mark.parametrize("name", ["lambda_tuning", "lambda_tuning_pid", "loop_shaping", "loop_shaping_pid", "lqg"])
+def test_a_model_that_answers_in_the_same_sample_is_refused(name):
+    """No controller sees it: a loop designed on it would have a sample more of delay than its margins say."""
+    at_once = control.LinearModel(
+        numerator=[0.2, 0.0],
+        denominator=[1.0, -0.8],
+        covariance=np.zeros((3, 3)),
+        sample_time=0.1,
+        operating_input=0.5,
+        operating_output=0.5,
+    )
+    with pytest.raises(ControlError, match=r"answers to a command in the same sample.*linear\.in_loop\(rig\.reading\)"):
+        called(name, {**GIVEN[name], "linear": at_once})
+    called("lambda_tuning", {**SETTINGS, "linear": at_once.in_loop(ReadingTime.END_OF_HOLD)})
+
+
 def test_loops_of_shapes_that_do_not_fit_are_refused():
     for act in (control.in_series, partial(control.margins, sample_time=0.1)):
         with pytest.raises(ControlError, match=r"shapes \(2, 2\) and \(3, 2\) do not fit"):
