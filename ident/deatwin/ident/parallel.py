@@ -13,6 +13,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
+from deatwin.ident.arguments import whole_number
 from deatwin.plant.arrays import require_seed
 from deatwin.plant.errors import ModelError
 from deatwin.plant.interrupts import ignore_interrupts, interrupts_held
@@ -51,6 +52,7 @@ def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
         If the seed is not an integer of at least 0.
     """
     require_seed(seed)
+    whole_number(count, "count", 0)
     return [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(count)]
 
 

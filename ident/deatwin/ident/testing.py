@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.ident.arguments import whole_number
+from deatwin.plant.arguments import kind_of
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.recording import Experiment, Recording
 
@@ -51,6 +53,8 @@ def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None 
     ContractError
         If the estimator breaks the contract; the first breach is named.
     """
+    if not hasattr(type(identifier), "get_params"):
+        raise ContractError(f"identifier must be an estimator, as Frols(); got {kind_of(identifier)}")
     data = tuple(example_recordings() if recordings is None else recordings)
     for check in CHECKS.values():
         check(identifier, data)
@@ -64,6 +68,7 @@ def example_recordings(n_samples: int = 150) -> tuple[Recording, Recording]:
     n_samples : int
         Length of each recording in samples.
     """
+    whole_number(n_samples, "n_samples", 21)
     rng = np.random.default_rng(20090810)
     made = []
     for number, level in enumerate((-0.6, 0.6)):

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from deatwin.plant.arguments import instance
 from deatwin.plant.checks import experiment_for
 from deatwin.plant.datasets import (
     Described,
@@ -113,6 +114,11 @@ class CalibratedPlant(
         default_factory=lambda: np.empty((0, 0)), metadata=variable("fitted", "other_fitted")
     )
     provenance: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        instance(Plant)(self.plant, "plant")
+        if np.shape(self.covariance) != (len(self.names), len(self.names)):
+            raise ModelError(f"covariance has the shape {np.shape(self.covariance)}, for {len(self.names)} names")
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "parameter": coordinate("parameter", of=_known("name")),

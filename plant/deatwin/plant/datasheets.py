@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.plant.arrays import real_numbers
 from deatwin.plant.errors import DataError
 
 
@@ -32,17 +33,17 @@ def quantise(values: ArrayLike, step: float) -> NDArray[np.float64]:
     Raises
     ------
     DataError
-        If the step is negative or not finite.
+        If the step is not a finite number of at least 0, or a value is not a real number.
 
     Examples
     --------
     >>> quantise([0.26, -0.26, 1.0], 0.5)
     array([ 0.5, -0.5,  1. ])
     """
-    if not 0.0 <= step < np.inf:
-        raise DataError(f"step {step:g}: it must be a finite number, at least 0")
-    array = np.asarray(values, dtype=np.float64)
-    return np.rint(array / step) * step if step > 0.0 else array.copy()
+    width, array = real_numbers(step, "step"), real_numbers(values, "values")
+    if width.ndim or not 0.0 <= width < np.inf:
+        raise DataError(f"step is {step!r}: it must be a finite number, at least 0")
+    return np.rint(array / width) * width if width > 0.0 else array.copy()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime, require_reading_time
@@ -15,6 +16,7 @@ Array = NDArray[np.float64]
 _PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # Edges of the filter, relative to the new Nyquist frequency
 
 
+@taking(recording=instance(Recording, error=DataError))
 def decimate(recording: Recording, factor: int, *, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> Recording:
     """Apply a zero-phase low-pass filter to all signals, then keep every ``factor``-th sample.
 
@@ -48,8 +50,7 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
         filter.
     """
     require_reading_time(reading, DataError)
-    if not isinstance(factor, int | np.integer) or factor < 1:
-        raise DataError(f"factor = {factor!r}; it must be an integer of at least 1")
+    _require_factor(factor, 1)
     if factor == 1:
         return recording
     if reading is ReadingTime.MEAN_OVER_HOLD:
@@ -57,10 +58,7 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     odd, held = _low_pass(factor, 0), _low_pass(factor, (factor - 1) % 2)
     half = odd.size // 2
     rows = np.arange(-(-half // factor) * factor, recording.n_samples - half - factor + 1, factor)
-    if rows.size < 2:
-        raise DataError(
-            f"{recording.n_samples} samples are too few to decimate by {factor}: the filter alone is {odd.size} samples long"
-        )
+    _require_samples(recording, factor, rows, odd)
     for name, values in recording.extras.items():
         if np.isnan(values).any():
             raise DataError(
@@ -86,9 +84,27 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     )
 
 
+def _require_factor(factor: object, least: int) -> None:
+    if not isinstance(factor, int | np.integer) or factor < least:
+        raise DataError(f"factor = {factor!r}; it must be an integer of at least {least}")
+
+
+def _require_samples(recording: Recording, factor: int, rows: NDArray[np.intp], low_pass: Array) -> None:
+    """Raise DataError unless two or more filtered rows remain."""
+    if rows.size < 2:
+        raise DataError(
+            f"{recording.n_samples} samples are too few to decimate by {factor}: the filter alone is {low_pass.size} "
+            "samples long"
+        )
+
+
 def _averaged(recording: Recording, factor: int) -> Recording:
     """Return the mean of all old rows within each new row."""
     n = recording.n_samples // factor
+    if n < 2:
+        raise DataError(
+            f"{recording.n_samples} samples are too few to decimate by {factor}: a row of the result is the mean of so many, and it needs two"
+        )
 
     def means(signals: Array) -> Array:
         return np.asarray(signals[..., : n * factor].reshape(*signals.shape[:-1], n, factor).mean(axis=-1))
@@ -103,6 +119,7 @@ def _averaged(recording: Recording, factor: int) -> Recording:
     )
 
 
+@taking(recording=instance(Recording, error=DataError))
 def removed_share(recording: Recording, factor: int) -> dict[str, float]:
     """Return the share of each signal's variance that `decimate` removes.
 
@@ -119,10 +136,17 @@ def removed_share(recording: Recording, factor: int) -> dict[str, float]:
     -------
     dict
         Share of the variance by signal name, 0 to 1; 0 for a constant signal.
+
+    Raises
+    ------
+    DataError
+        If the factor is not an integer of at least 2, or the recording is too short for it.
     """
+    _require_factor(factor, 2)
     low_pass = _low_pass(factor, 0)
     half = low_pass.size // 2
     rows = np.arange(half, recording.n_samples - half)
+    _require_samples(recording, factor, rows, low_pass)
     shares = {}
     names = recording.input_names + recording.output_names
     for name, signal in zip(names, (*recording.inputs, *recording.outputs), strict=True):

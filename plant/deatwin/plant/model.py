@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.checks import experiment_for
 from deatwin.plant.effects.base import Effect, require_effects
@@ -78,6 +79,7 @@ class Plant:
         for one, other in pairwise(self.effects):
             if one.name == other.name:
                 raise RigError(f"the plant has the effect {one.name} twice; an effect can be in a plant only once")
+        instance(Mapping, hint=" from names to numbers", error=RigError)(self.values, "values")
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
         self.parameters  # noqa: B018  (checks names and ranges)
 
@@ -119,6 +121,7 @@ class Plant:
         own = {p.name for p in (*self.rig.parameters, *effects, *self.rig.starts_of(kept))}
         return replace(self, effects=kept, values={n: v for n, v in self.values.items() if n in own})
 
+    @taking(values=instance(Mapping, hint=" from names to numbers", error=RigError))
     def with_values(self, values: Mapping[str, float]) -> Plant:
         """Return the plant with other parameter `values`, SI by name."""
         return replace(self, values={**self.values, **values})

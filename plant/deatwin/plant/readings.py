@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.plant.arguments import instance, require_fields
 from deatwin.plant.errors import RigError
 from deatwin.plant.rigs.stated import require_number
 from deatwin.plant.safe_read import clipped
@@ -56,6 +57,7 @@ class Reading:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip():
             raise RigError(f"a reading has the name {clipped(repr(self.name))}; it must be the name of a signal")
+        require_fields(self, unit=instance(str, error=RigError), column=instance(str, error=RigError))
         for name, least in (("noise", None), ("model_error", 0.0), ("series_resistance", None)):
             require_number(f'{name} of the reading "{self.name}"', getattr(self, name), least=least)
         if not self.unit:

@@ -203,8 +203,11 @@ class Recording:
 
     def section(self, first: int, last: int) -> Self:
         """Return the samples `first` to `last` - 1, on the same clock; DataError if there are none or not all exist."""
-        if not 0 <= first < last <= self.n_samples:
-            raise DataError(f"section [{first}, {last}) of a record of {self.n_samples} samples")
+        whole = all(isinstance(end, int | np.integer) for end in (first, last))
+        if not whole or not 0 <= first < last <= self.n_samples:
+            raise DataError(
+                f"section [{first}, {last}) of a record of {self.n_samples} samples; give two whole numbers"
+            )
         return replace(
             self,
             inputs=self.inputs[:, first:last],

@@ -20,6 +20,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.arrays import real_numbers, seconds
 from deatwin.plant.decimation import decimate, low_pass_gain
 from deatwin.plant.errors import DataError
@@ -188,6 +189,7 @@ def _clock(times: Floats, origin: float, sample_time: float, factor: int) -> Flo
     return np.asarray(start + fine * np.arange(max(count, 0), dtype=np.float64))
 
 
+@taking(recording=instance(Recording, error=DataError))
 def resample(
     recording: Recording,
     sample_time: float,

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, RigError, nearest
 from deatwin.plant.foreign.modelfile import ModelFile
@@ -31,6 +32,7 @@ KINDS: Mapping[str, type[Diaphragm | FilmActuator | Coupon]] = MappingProxyType(
 """Rigs that a rig file can describe, by their kind."""
 
 
+@taking(source=instance(str, os.PathLike, RigFile, ModelFile, error=RigError))
 def load_plant(source: str | os.PathLike[str] | RigFile | ModelFile) -> CalibratedPlant:
     """Load a plant from a rig file, a model file or a Python function.
 

@@ -167,7 +167,6 @@ FURTHER = {name: {"name": "own"} for name in ("LinearController", "InverseContro
     "LinearModel": {"operating_input": 0.5, "operating_output": 0.5}
 }
 PASSES = {
-    ("margins", "numerators", "empty"): "an empty loop has no gain",
     ("margins", "numerators", "matrix"): "two loops",
     ("margins", "denominators", "matrix"): "two loops",
     ("linearise_many", "operating_inputs", "matrix"): "four points",
@@ -260,10 +259,30 @@ def test_the_error_names_the_argument_and_what_would_be_right():
             control.lambda_tuning(**{**TIMED, **given})
 
 
+@pytest.mark.parametrize("name", ["lambda_tuning", "lambda_tuning_pid", "loop_shaping", "loop_shaping_pid", "lqg"])
+def test_a_model_that_answers_in_the_same_sample_is_refused(name):
+    """No controller sees it: a loop designed on it would have a sample more of delay than its margins say."""
+    at_once = control.LinearModel(
+        numerator=[0.2, 0.0],
+        denominator=[1.0, -0.8],
+        covariance=np.zeros((3, 3)),
+        sample_time=0.1,
+        operating_input=0.5,
+        operating_output=0.5,
+    )
+    with pytest.raises(ControlError, match=r"answers to a command in the same sample.*linear\.in_loop\(rig\.reading\)"):
+        called(name, {**GIVEN[name], "linear": at_once})
+    called("lambda_tuning", {**SETTINGS, "linear": at_once.in_loop(ReadingTime.END_OF_HOLD)})
+
+
 def test_loops_of_shapes_that_do_not_fit_are_refused():
     for act in (control.in_series, partial(control.margins, sample_time=0.1)):
         with pytest.raises(ControlError, match=r"shapes \(2, 2\) and \(3, 2\) do not fit"):
             act(np.ones((2, 2)), np.ones((3, 2)))
+        for empty in ([], [[]], np.ones((0, 3))):
+            for loop in ((empty, [1.0]), ([1.0], empty)):
+                with pytest.raises(ControlError, match="must have one coefficient or more; got a"):
+                    act(*loop)
 
 
 def test_a_description_without_a_key_is_refused():

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas
@@ -11,9 +12,11 @@ import pytest
 from deatwin.plant import (
     BlockedPlanar,
     BowTie,
+    CalibratedPlant,
     Cone,
     Coupon,
     Creep,
+    DeatwinError,
     Diaphragm,
     Disc,
     Experiment,
@@ -24,6 +27,7 @@ from deatwin.plant import (
     Planar,
     Plant,
     Pressure,
+    Reading,
     Recording,
     RigError,
     Roll,
@@ -32,10 +36,18 @@ from deatwin.plant import (
     Stack,
     actuation_curve,
     draw_rig,
+    effect_named,
     fleet,
+    load_material,
+    load_plant,
+    quantise,
+    read_experiment,
+    read_recording,
+    read_rig,
     resample,
 )
 from deatwin.plant.checks import require_excitation
+from deatwin.plant.decimation import decimate
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.excitation import (
     band_limited_noise,
@@ -49,7 +61,8 @@ from deatwin.plant.excitation import (
     triangles,
     with_alternating_polarity,
 )
-from deatwin.plant.export import plant_source
+from deatwin.plant.export import export_model_exchange, plant_source
+from deatwin.plant.files import read_commands, write_csv, write_recording, write_text_atomic
 from deatwin.plant.laws import Formula
 
 H = 0.02
@@ -92,6 +105,9 @@ EXCITATION: list[tuple[Callable[[], object], str]] = [
     (lambda: linear_chirp(10.0, H, last=26.0), "half the sample rate, 25 Hz"),
     (lambda: linear_chirp(10.0, H, first=0.0), "above 0"),
     (lambda: linear_chirp(10.0, H, amplitude=-0.1), "amplitude -0.1 V"),
+    (lambda: linear_chirp(10.0, H, amplitude=np.inf), "amplitude inf V: both must be finite"),
+    (lambda: logarithmic_chirp(10.0, H, mean=-np.inf), "mean -inf V, amplitude 0.3 V: both must be finite"),
+    (lambda: random_holds(RNG, 10.0, H, -np.inf, 3.0), "levels -inf to 3 V: need lower < upper"),
     (lambda: logarithmic_chirp(10.0, H, first=2.0, last=2.0), "two that differ"),
     (lambda: logarithmic_chirp(0.0, H), "at least one sample"),
     (lambda: random_holds(RNG, 10.0, H, 3.0, 1.0), "need lower < upper"),
@@ -121,7 +137,10 @@ EXCITATION: list[tuple[Callable[[], object], str]] = [
     (lambda: multisine(mean=4.0), "lower < mean < upper"),
 ]
 RECORDS: list[tuple[Callable[[], object], str]] = [
-    *((lambda ends=ends: ramp().section(*ends), "record of 100 samples") for ends in ((-1, 5), (5, 5), (90, 101))),
+    *(
+        (lambda ends=ends: ramp().section(*ends), "record of 100 samples")
+        for ends in ((-1, 5), (5, 5), (90, 101), (0.0, 5.0), (0, None))
+    ),
     (lambda: arrays([1.0, 2.0], [0.0, np.nan], 1.0), 'channel "displacement" is nan at sample 1'),
     *((lambda h=h: arrays([1.0], [1.0], h), "sample time .* must be positive") for h in (0.0, -1.0, np.inf, np.nan)),
     (lambda: arrays(np.ones(5), np.ones(4), 1.0), r"outputs have the shape \(1, 4\)"),
@@ -367,3 +386,52 @@ def test_a_rig_is_no_plant(take: Callable[[object], object]) -> None:
 def test_a_seed_is_an_integer_of_at_least_zero(seed):
     with pytest.raises(ModelError, match="it must be an integer of at least 0"):
         fleet(seed)
+
+
+WRONG_KINDS = [
+    (lambda value: read_recording(value), "path must be a str or a PathLike"),
+    (lambda value: read_commands(value, input_column="u"), "path must be a str or a PathLike"),
+    (lambda value: read_commands("a.csv", input_column=value), "input_column must be a str"),
+    (lambda value: read_recording("a.csv", output_column=value), "output_column must be a str"),
+    (lambda value: read_experiment(value), "paths must be an Iterable or a PathLike"),
+    (lambda value: read_experiment([value]), "path must be a str or a PathLike"),
+    (lambda value: read_rig(value), "path must be a str or a PathLike"),
+    (lambda value: load_plant(value), "source must be a str"),
+    (lambda value: load_material(value), "path must be a str or a PathLike"),
+    (lambda value: write_csv(value, {}), "path must be a str or a PathLike"),
+    (lambda value: write_csv("a.csv", value), "columns must be a Mapping"),
+    (lambda value: write_recording("a.csv", value), "recording must be a Recording"),
+    (lambda value: write_text_atomic("a.txt", value), "text must be a str"),
+    (lambda value: resample(value, 0.1), "recording must be a Recording"),
+    (lambda value: decimate(value, 2), "recording must be a Recording"),
+    (lambda value: effect_named(value), "name must be a str"),
+    (lambda value: Plant(rig=Planar(), values=value), "values must be a Mapping from names to numbers"),
+    (lambda value: PLANT.with_values(value), "values must be a Mapping from names to numbers"),
+    (lambda value: CalibratedPlant(plant=value, noise=0.0, model_error=0.0), "plant must be a Plant"),
+    (lambda value: Reading(name="current", noise=1.0, column=value), "column must be a str"),
+    (lambda value: quantise([1.0], [value]), "step"),
+    (lambda value: plant_source(PLANT, name=value), "cannot be a prefix of C names"),
+    (lambda value: export_model_exchange(PLANT, value), "path must be a str or a PathLike"),
+]
+
+
+@pytest.mark.parametrize("value", [0.5, object()], ids=["number", "object"])
+@pytest.mark.parametrize(("act", "says"), WRONG_KINDS)
+def test_an_argument_of_another_kind_is_named(act: Callable[[object], object], says: str, value: object) -> None:
+    with pytest.raises(DeatwinError, match=says):
+        act(value)
+
+
+def test_values_and_steps_to_quantise_are_real_numbers() -> None:
+    for values, step, says in (("a", 0.1, "values"), (1j, 0.1, "values"), ([[1.0], [1.0, 2.0]], 0.1, "values")):
+        with pytest.raises(DataError, match=f"{says} must be an array of real numbers"):
+            quantise(values, step)
+    for step in (None, "a", 1j, [0.1, 0.2], -1.0, np.inf):
+        with pytest.raises(DataError, match="step"):
+            quantise(1.0, step)
+
+
+def test_one_file_is_an_experiment_of_one_file(tmp_path: Path) -> None:
+    write_recording(tmp_path / "a.csv", still())
+    for path in (tmp_path / "a.csv", str(tmp_path / "a.csv")):
+        assert read_experiment(path).recordings[0].n_samples == 100

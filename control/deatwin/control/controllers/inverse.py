@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.arguments import instance, numbers, require_fields
+from deatwin.control.arguments import instance, numbers, require_fields, taking
 from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
@@ -112,16 +112,19 @@ class StaticCurve(Described):
             inputs, pieces = inputs[::-1], pieces[::-1]
         return inputs, np.maximum.accumulate(self._forward(inputs)), pieces
 
+    @taking(value=numbers)
     def output(self, value: ArrayLike) -> Array:
         """Return the outputs at rest, in their unit, for constant inputs `value`; constant beyond the curve's ends."""
         return np.asarray(self._forward(np.clip(value, self.inputs[0], self.inputs[-1])), dtype=np.float64)
 
+    @taking(value=numbers)
     def slope(self, value: ArrayLike) -> Array:
         """Return the static gains, output unit per input unit, at constant inputs `value`."""
         return np.asarray(self._forward(np.clip(value, self.inputs[0], self.inputs[-1]), 1), dtype=np.float64)
 
+    @taking(value=numbers)
     def input(self, value: ArrayLike) -> Array:
-        """Return the constant inputs, in their unit, that hold the outputs `value`."""
+        """Return the constant inputs, in their unit, that hold the outputs `value`; constant beyond the curve's ends."""
         inputs, outputs, pieces = self._table
         wanted = np.clip(np.asarray(value, dtype=np.float64), outputs[0], outputs[-1])
         cell = np.clip(np.searchsorted(outputs, wanted, side="right") - 1, 0, pieces.size - 1)
@@ -139,7 +142,7 @@ class StaticCurve(Described):
             done, found = np.all(np.abs(moved - found) <= self._resolution), moved
             if done:
                 break
-        return np.asarray(found, dtype=np.float64)
+        return np.where(np.isnan(wanted), np.nan, found)
 
     @cached_property
     def _resolution(self) -> float:

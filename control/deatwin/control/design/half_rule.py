@@ -33,7 +33,7 @@ class SecondOrderDelay:
 
 def reduce_to_second_order(linear: LinearModel) -> SecondOrderDelay:
     """Reduce a model by its real poles and zeros (Skogestad, J. Process Control 13 (2003) 291, 2.1 and 2.2)."""
-    h = linear.require().sample_time
+    h = linear.require_in_loop().sample_time
     lags, leads = _times(linear.poles, h), _times(linear.zeros, h)
     rest = max(linear.mean_delay - lags.sum() + leads.sum(), 0.0)
     delay, share, kept = rest, 1.0, lags

@@ -37,7 +37,7 @@ class FirstOrderDelay:
 
 def reduce_to_first_order(linear: LinearModel) -> FirstOrderDelay:
     """Find gain, lag and delay from two points of the step response (Smith, Digital Computer Process Control, 1972)."""
-    slowest = float(np.abs(linear.require().poles).max(initial=0.0))
+    slowest = float(np.abs(linear.require_in_loop().poles).max(initial=0.0))
     decay = np.log(_SETTLED) / np.log(slowest) if slowest > 0.0 else 0.0
     count = int(min(max(decay, 0.0), _LONGEST)) + linear.numerator.size + linear.denominator.size + 1
     reached = linear.step_response(count) / linear.static_gain
@@ -102,8 +102,8 @@ def lambda_tuning(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the closed-loop time is shorter than a sample, the model needs more than 200000 samples to reach 63 % of a
-        step, or the limits do not enclose the operating input.
+        If the model answers to a command in the same sample, the closed-loop time is shorter than a sample, the model
+        needs more than 200000 samples to reach 63 % of a step, or the limits do not enclose the operating input.
 
     References
     ----------
@@ -166,8 +166,8 @@ def lambda_tuning_pid(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the model has no second lag, the closed-loop time is shorter than a sample, or the limits do not enclose
-        the operating input.
+        If the model answers to a command in the same sample or has no second lag, the closed-loop time is shorter than
+        a sample, or the limits do not enclose the operating input.
 
     References
     ----------

@@ -95,8 +95,8 @@ def loop_shaping(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If a bound is invalid, or the bounds cannot be met at the crossover; the text gives the largest crossover at
-        which the bounds can be met.
+        If the model responds to a command in the same sample, a bound is invalid, or the bounds cannot be met at the
+        crossover; the text gives the largest crossover at which the bounds can be met.
 
     References
     ----------
@@ -166,7 +166,7 @@ def loop_shaping_pid(
 def _shaped(
     linear: LinearModel, gains: Shape, bounds: Robustness, command_limits: Limits, crossover_Hz: float | None
 ) -> LinearController:
-    loops = _Loops(linear.require(), gains, bounds)
+    loops = _Loops(linear.require_in_loop(), gains, bounds)
     if crossover_Hz is None:
         integral, time = loops.fastest()
         crossover = loops.crossover(integral, time)

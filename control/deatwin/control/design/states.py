@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.controllers.law import Law
-from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 
 Array = NDArray[np.float64]
@@ -32,12 +31,7 @@ class States:
     @classmethod
     def of(cls, linear: LinearModel) -> States:
         """Return states of a model: its own matrices, or the observable canonical form of its coefficients."""
-        gain = linear.require().static_gain
-        if linear.numerator[0] != 0.0:
-            raise ControlError(
-                "the model responds to a command in the same sample: design on the model with the delay of the loop, "
-                "linear.in_loop(rig.reading)"
-            )
+        gain = linear.require_in_loop().static_gain
         if linear.realisation is not None:
             a, b, c, _ = linear.realisation.joined()
             return cls(a=a, b=b, c=c / gain, gain=gain)

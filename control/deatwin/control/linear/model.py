@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import finite, instance, number, numbers, positive, require_fields
+from deatwin.control.errors import ControlError
 from deatwin.control.linear.realisation import Realisation
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, gain_unit, status_of, variable
@@ -217,6 +218,15 @@ class LinearModel(Described):
         if self.status.ok:
             return self
         raise ModelError(f"{self.status.value}" + (f" ({self.detail})" if self.detail else ""))
+
+    def require_in_loop(self) -> Self:
+        """Return this model; ControlError if it answers to a command in the same sample, as no controller sees it."""
+        if self.require().numerator[0] != 0.0:
+            raise ControlError(
+                "the model answers to a command in the same sample: design on it as the controller sees it, "
+                "linear.in_loop(rig.reading)"
+            )
+        return self
 
     @property
     def rest_output(self) -> float:

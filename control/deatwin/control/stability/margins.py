@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.arguments import numbers, positive, taking
+from deatwin.control.arguments import polynomials, positive, taking
 from deatwin.control.stability.circle import Places, search
 from deatwin.control.stability.polynomials import jet, loop_polynomials, stable_loops
 
@@ -67,7 +67,7 @@ class Margins:
         return np.degrees(2.0 * np.arctan(0.5 * self.disk))
 
 
-@taking(numerators=numbers, denominators=numbers, sample_time=positive)
+@taking(numerators=polynomials, denominators=polynomials, sample_time=positive)
 def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) -> Margins:
     """Compute the margins of loops ``L(z) = numerator / denominator`` under negative feedback.
 
@@ -89,7 +89,8 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
     Raises
     ------
     ControlError
-        If a coefficient is not finite, a denominator is zero, or the sampling time is not positive.
+        If a polynomial has no coefficient, a coefficient is not finite, a denominator is zero, or the sampling time is
+        not positive.
 
     References
     ----------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.arguments import numbers, taking
+from deatwin.control.arguments import polynomials, taking
 from deatwin.control.errors import ControlError
 from deatwin.ident.frequency.many import stable_polynomials
 
@@ -17,7 +17,7 @@ _NEAR = 1e-5
 grows there."""
 
 
-@taking(first=numbers, second=numbers)
+@taking(first=polynomials, second=polynomials)
 def in_series(first: ArrayLike, second: ArrayLike) -> Array:
     """Multiply the polynomials of systems in series, such as a model and a controller, for `margins`.
 
@@ -36,7 +36,7 @@ def in_series(first: ArrayLike, second: ArrayLike) -> Array:
     Raises
     ------
     ControlError
-        If the coefficients are not real numbers, or their leading axes cannot be broadcast.
+        If the coefficients are not real numbers, there are none, or their leading axes cannot be broadcast.
 
     Examples
     --------

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
+from deatwin.plant.arguments import instance
 from deatwin.plant.drawing import axes_or_new, numbers_of_decades, plain_numbers, written_unit
 from deatwin.plant.errors import ModelError
 
@@ -52,6 +53,9 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
     ModelError
         If the response has several frequencies for each value, or there are not two axes.
     """
+    from deatwin.ident.frequency.response import FrequencyResponse  # which imports this module to draw itself
+
+    instance(FrequencyResponse)(response, "response")
     if response.omega.ndim != 1:
         raise ModelError(f"a Bode diagram has one frequency for each value; {response.label} has {response.order}")
     if axes is None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.arguments import real_numbers
+from deatwin.ident.arguments import real_number, real_numbers
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.variables import Variable, argument_of
@@ -86,7 +86,7 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
         function in a term has no derivative at the equilibrium, as |u| at zero; or if the coefficients overflow.
     """
     inputs = operating_input_of(model, operating_input)
-    arguments = levels(model, inputs, output)
+    arguments = levels(model, inputs, real_number(output, "output"))
     moves, first = motion(model, arguments), _slopes(model, arguments)
     # A slope depends on a parameter directly, and indirectly because the equilibrium moves with the parameter.
     by_theta = first + np.outer(_bends(model, arguments) @ model.theta, moves)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
@@ -21,6 +21,7 @@ from deatwin.ident.greybox.survey import survey
 from deatwin.ident.greybox.tangent import least_within, linearised_rms
 from deatwin.ident.greybox.watch import Progress, Watch, unwatched
 from deatwin.ident.greybox.wording import described, known_together
+from deatwin.plant.arguments import each, instance
 from deatwin.plant.arrays import texts
 from deatwin.plant.calibrated import TWO_SIDED_95
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
@@ -323,9 +324,11 @@ def descend(
 
 def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch: Watch) -> Problem:
     require_plant(plant, "a calibration")
+    instance(Iterable, type(None))(names, "names")
     chosen = tuple(plant.parameters.free) if names is None else texts(names)
     if names is not None and not chosen:
         raise DataError("no name of a parameter to fit is given; leave names out to fit all that are free")
+    each(instance(str))(chosen, "names")
     for name in chosen:
         if chosen.count(name) > 1:
             raise DataError(f"the parameter {name} is given twice; each can be fitted once")

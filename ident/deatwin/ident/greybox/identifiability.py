@@ -17,6 +17,7 @@ from deatwin.ident.greybox.minimum import EVALUATIONS
 from deatwin.ident.greybox.parts import Part, Records, free_run_residuals, parts_of
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.survey import held
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError, ModelError, nearest
@@ -98,6 +99,7 @@ class Profile(Described):
         return ax
 
 
+@taking(calibration=instance(Calibration), name=instance(str))
 def profile(calibration: Calibration, records: Records, name: str) -> Profile:
     """Find the 95 % likelihood interval of a parameter by profiling.
 

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from deatwin.plant.arguments import each, instance
 from deatwin.plant.checks import check_units, experiment_for
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
@@ -43,6 +44,8 @@ class Part:
     levels: tuple[np.ndarray, ...] | None = None
 
     def __post_init__(self) -> None:
+        instance(Experiment)(self.experiment, "experiment")
+        each(instance(np.ndarray))(self.masks, "masks")
         sizes = [r.n_samples for r in self.experiment.recordings]
         if [m.size for m in self.masks] != sizes:
             raise DataError(f"masks have {[m.size for m in self.masks]} samples, the recordings {sizes}")

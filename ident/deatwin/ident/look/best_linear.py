@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.look.approximation import Array, BestLinearApproximation, Complex, Lines
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.ident.narx.repeats import period_of, whole_multiple
+from deatwin.plant.arguments import taking
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
 
@@ -43,6 +45,7 @@ class _Realisation:
         return self.inputs.mean(axis=0), self.outputs.mean(axis=0)
 
 
+@taking(channel=partial(whole_number, least=0), output=partial(whole_number, least=0))
 def best_linear_approximation(
     recordings: Recordings, *, period: float | None = None, channel: int = 0, output: int = 0, skip: int | None = None
 ) -> BestLinearApproximation:

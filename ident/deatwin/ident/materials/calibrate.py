@@ -19,8 +19,8 @@ from deatwin.ident.materials.result import CalibratedMaterial, Choice
 from deatwin.ident.materials.section import section_of, stated_energy
 from deatwin.ident.materials.testfile import MaterialTests
 from deatwin.ident.materials.tests import MaterialTest
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.errors import DataError
-from deatwin.plant.laws.energies import yeoh
 from deatwin.plant.rigs.rigmaterial import read_material
 
 Array = NDArray[np.float64]
@@ -41,6 +41,7 @@ class _Chosen:
     noise: Noise
 
 
+@taking(about=instance(Mapping, error=DataError))
 def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] | None = None) -> CalibratedMaterial:
     """Fit one material to several tests.
 
@@ -112,9 +113,9 @@ def _choose(data: Observations, own: EnergyStart | str | None) -> _Chosen:
     noise = Noise.guess(data)
     white = noise.whitener(data, data.measured)
     starts = _starts(data, own, neo_hookean_modulus(data, white))
-    flexible = next((start for start in starts if start.energy is yeoh), starts[-1])
+    # The best energy so far shows the noise: the misfit of a worse one would count as slow noise.
     for _ in range(ROUNDS):
-        rich = richest(data, flexible, white)
+        rich = min((richest(data, start, white) for start in starts), key=lambda one: one.criterion(noise.count(data)))
         noise = estimate_noise(data, data.measured - rich.modelled, rich.modelled, rich.slopes)
         white = noise.whitener(data, rich.modelled)
     count = noise.count(data)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
 from deatwin.ident.materials.energies import EnergyStart
-from deatwin.ident.materials.noise import Whitener
+from deatwin.ident.materials.noise import ROUNDING, Whitener
 from deatwin.ident.materials.observations import PER_DECADE, Observations
 from deatwin.plant.laws.energies import neo_hookean
 from deatwin.plant.parameters import Parameter
@@ -74,7 +74,7 @@ class Fit:
 
     def criterion(self, count: float) -> float:
         """Schwarz' criterion: minus twice the log evidence, for errors with one unknown common size."""
-        return count * np.log(max(self.loss, 1e-300)) + self.coordinates.size * np.log(count)
+        return count * np.log(max(self.loss, ROUNDING * count)) + self.coordinates.size * np.log(count)
 
 
 def fit(data: Observations, start: EnergyStart, elastic: Array, branches: Array, white: Whitener) -> Fit:

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 FIRST_GUESS = 0.02  # Relative error from which the estimate starts, that of a careful test
 SMALLEST = 1e-6  # Least error, relative to the largest sample; no machine is more accurate
+ROUNDING = 0.01  # Mean square of residuals, in units of their errors, up to which they are rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,7 +130,8 @@ def _repeats(data: Observations, white: Array) -> tuple[float, ...]:
 def _correlated(residual: Array) -> float:
     """Return one plus twice the sum of the correlations before the first insignificant one. Shapes: (n,)."""
     size, energy = residual.size, float(residual @ residual)
-    if energy == 0.0 or size < 8:  # too few samples to distinguish a correlation from chance
+    # Too few samples to distinguish a correlation from chance, or residuals of rounding, which is no noise
+    if energy <= ROUNDING * size or size < 8:
         return 1.0
     total = 1.0
     for lag in range(1, size // 2):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.materials.section import stated_energy
 from deatwin.ident.materials.tests import KINDS, MaterialTest
+from deatwin.plant.arguments import file_name, taking
 from deatwin.plant.errors import DataError, RigError, nearest
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import table_of_file
@@ -91,6 +92,7 @@ class MaterialTests:
     files: tuple[Path, ...]
 
 
+@taking(path=file_name)
 def read_material_tests(path: str | Path) -> MaterialTests:
     """Read a file that lists tests of a material, and the files of these tests.
 

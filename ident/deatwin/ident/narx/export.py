@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.arguments import real_numbers
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.ident.narx.written import origins, written
 from deatwin.plant.errors import ModelError
@@ -98,7 +99,7 @@ def narx_source(
         terms.
     """
     require_identifier(name)
-    quiet = model.deterministic
+    quiet = require_model(model).deterministic
     rest_u = _rest(rest_input, model.input_origin, "inputs")
     rest_y = _rest(rest_output, model.output_origin, "outputs")
     inputs, outputs = (
@@ -137,7 +138,7 @@ def narx_source(
 
 
 def _rest(values: ArrayLike | None, origin: np.ndarray, what: str) -> np.ndarray:
-    found = origin if values is None else np.atleast_1d(np.asarray(values, dtype=np.float64))
+    found = origin if values is None else np.atleast_1d(real_numbers(values, f"the rest of {what}"))
     if found.shape != origin.shape:
         raise ModelError(f"the rest of {what} has the shape {found.shape}; the model has {origin.size} {what}")
     return found

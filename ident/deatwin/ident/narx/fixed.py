@@ -9,7 +9,7 @@ from deatwin.ident.narx.estimate import Estimate, Estimator, least_squares
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
-from deatwin.ident.narx.terms import Term, TermTable
+from deatwin.ident.narx.terms import Term, TermTable, require_terms
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -52,8 +52,8 @@ class Fixed(NarxIdentifier):
     estimate_: Estimate = field(init=False)
 
     def _check(self) -> None:
-        if isinstance(self.terms, str) or (not isinstance(self.terms, NarxModel) and len(self.terms) == 0):
-            raise ModelError(f'terms = {self.terms!r}; give a list of terms, as ["y(k-1)", "u(k-1)^2"]')
+        if not isinstance(self.terms, NarxModel):
+            require_terms(self.terms, "terms", '["y(k-1)", "u(k-1)^2"]', least=1)
         if not callable(self.estimator):
             raise ModelError(f"estimator = {self.estimator!r}; give one, as Ridge()")
 

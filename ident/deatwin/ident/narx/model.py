@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from deatwin.ident.arguments import read_only
+from deatwin.ident.arguments import read_only, real_number, real_numbers
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.document import SCHEMA, fields_of, to_document
 from deatwin.ident.narx.drive import Drive, require_suits
@@ -23,6 +23,7 @@ from deatwin.ident.narx.shown import shown_units
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.ident.narx.values import require_terms, require_values, set_signals
 from deatwin.ident.narx.written import by_equation, name_signals, origins, written
+from deatwin.plant.arguments import each, instance
 from deatwin.plant.arrays import texts
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, document, squared, variable
 from deatwin.plant.documents import Saved
@@ -118,12 +119,15 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
     }
 
     def __post_init__(self) -> None:
+        each(instance(Term))(self.terms, "terms")
         set_signals(self)
         for name, names in (("input_origin", self.input_names), ("output_origin", self.output_names)):
-            given = np.asarray(getattr(self, name))
+            given = real_numbers(getattr(self, name), name)
             object.__setattr__(self, name, given if given.size else np.zeros(len(names)))
         for name in ("theta", "theta_cov", "input_origin", "output_origin"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+            object.__setattr__(self, name, real_numbers(getattr(self, name), name))
+        real_number(self.sample_time, "sample_time")
+        real_numbers(self.noise_variance, "noise_variance")
         if self.n_outputs == 1 and set(self.equations) <= {0}:  # also after terms were replaced
             object.__setattr__(self, "equations", (0,) * len(self.terms))
         if self.n_outputs > 1:

@@ -37,7 +37,7 @@ class SignalNames:
         """Pattern of a factor of a term; its groups are name, or kind and channel, then lag and power."""
         longest_first = sorted((name for name in self._signals if name), key=len, reverse=True)
         name = "|".join(map(re.escape, longest_first)) or "(?!)"
-        return re.compile(rf"\s*\*?\s*(?:({name})|([yue])(\d*))\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
+        return re.compile(rf"\s*\*?\s*(?:({name})|([yue])(\d*))\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*([1-9]\d*))?\s*")
 
     function = re.compile(r"\s*\*?\s*(?:\||([^\W\d]\w*)\s*\((?!\s*k\s*[-)]))")
     """Opening of a function, with its name; none for |...|."""
@@ -47,7 +47,7 @@ class SignalNames:
     def closing(name: str | None) -> re.Pattern[str]:
         """Pattern of the end of a function: the numbers after commas, and the power."""
         end = r"\|()" if name is None else rf"((?:\s*,\s*{_NUMBER})*)\s*\)"
-        return re.compile(rf"\s*{end}(?:\s*\^\s*(\d+))?\s*")
+        return re.compile(rf"\s*{end}(?:\s*\^\s*([1-9]\d*))?\s*")
 
     def signal(self, name: str) -> tuple[str, int]:
         """Return kind and channel of the signal with a name."""

@@ -19,7 +19,7 @@ from deatwin.ident.narx.lags import ChannelLags, lag_list
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.prediction_error import NoiseFit, noise_rows, prediction_error_fit, spread
 from deatwin.ident.narx.regression import Recordings, Regression
-from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.ident.narx.terms import Term, TermTable, Variable, require_terms
 from deatwin.plant.errors import ModelError, nearest
 
 Array = NDArray[np.float64]
@@ -115,8 +115,8 @@ class Narmax(NarxIdentifier):
         if not isinstance(self.process, NarxIdentifier):
             raise ModelError(f"process = {self.process!r}; give an identifier, as Frols(output_lags=4)")
         self.process._check()
-        if isinstance(self.noise_terms, str):
-            raise ModelError(f'noise_terms = {self.noise_terms!r}; give a list of terms, as ["e(k-1)", "e(k-2)"]')
+        if self.noise_terms is not None:
+            require_terms(self.noise_terms, "noise_terms", '["e(k-1)", "e(k-2)"]')
         if not lag_list(self.noise_lags, smallest=1):
             raise ModelError("noise_lags gives no lag at all; a noise model needs e(k-1) or later")
         if self.criterion not in _KNOWN:

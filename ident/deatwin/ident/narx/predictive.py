@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.arguments import probability, real_numbers, whole_number
 from deatwin.ident.narx.free_run import March
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.posterior import ThetaPosterior, quantile, regressors
+from deatwin.plant.arguments import instance
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import axes_or_new
@@ -140,7 +141,7 @@ def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95
     ModelError
         If the recording does not suit the model, or the level lies outside 0 to 1.
     """
-    half_width = quantile(level, model.theta_dof)
+    half_width = quantile(level, require_model(model).theta_dof)
     response = model.predict(recording)
     rows, first = regressors(model, recording), response.first
     belongs = np.array(model.equations)
@@ -198,6 +199,8 @@ def free_run_band(
         than 2 draws, or all of them diverge.
     """
     require_generator(rng)
+    require_model(model)
+    instance(Recording)(recording, "recording")
     tail = (1 - probability(level)) / 2
     whole_number(n_draws, "n_draws", 2)
     runs = _runs(model, recording, rng, n_draws, None if output_noise is None else _readings(model, output_noise))

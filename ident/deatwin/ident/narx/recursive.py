@@ -67,12 +67,12 @@ class VaryingParameters(NarxIdentifier):
         return {f"y{row + 1}": [t for t, equation in pairs if equation == row] for row in range(self.terms.n_outputs)}
 
     def __repr__(self) -> str:
-        terms = self._written()
-        if isinstance(terms, Mapping):
-            shown: object = {name: [str(term) for term in equation] for name, equation in terms.items()}
-        else:
-            shown = [str(term) for term in terms]
-        arguments = self.get_params(deep=False) | {"terms": shown}
+        def shown(terms: object) -> object:
+            if isinstance(terms, Mapping):
+                return {name: shown(equation) for name, equation in terms.items()}
+            return [str(term) for term in terms] if isinstance(terms, list | tuple) else terms
+
+        arguments = self.get_params(deep=False) | {"terms": shown(self._written())}
         return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in arguments.items())})"
 
 

@@ -16,7 +16,7 @@ from deatwin.ident.narx.lags import channel_lags
 from deatwin.ident.narx.levels import without_repeated_powers
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
-from deatwin.ident.narx.terms import Lags, Rule, Term, TermTable, Variable, generate_terms
+from deatwin.ident.narx.terms import Lags, Rule, Term, TermTable, Variable, generate_terms, require_terms
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording, label
 
@@ -267,8 +267,7 @@ def require_no_target(y: object) -> None:
 
 def _functions(written: Sequence[str], record: Recording) -> tuple[Variable, ...]:
     """Return the functions of lagged signals that are additional candidates."""
-    if isinstance(written, str):
-        raise ModelError(f'functions = {written!r}; give a list, as ["|u(k-1)|", "sat(y(k-1),0.5)"]')
+    require_terms(written, "functions", '["|u(k-1)|", "sat(y(k-1),0.5)"]')
     names = {"input_names": record.input_names, "output_names": record.output_names}
     terms = [Term.parse(text, **names) for text in written]
     for text, term in zip(written, terms, strict=True):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations_with_replacement
@@ -24,6 +24,7 @@ from deatwin.ident.narx.names import SignalNames
 from deatwin.ident.narx.variables import Variable as Variable
 from deatwin.ident.narx.variables import read_factor, value_of
 from deatwin.plant.errors import ModelError
+from deatwin.plant.safe_read import clipped
 
 Array = NDArray[np.float64]
 
@@ -94,6 +95,15 @@ class Term:
 
     def __str__(self) -> str:
         return self.written({})
+
+
+def require_terms(given: object, name: str, example: str, least: int = 0) -> None:
+    """Raise ModelError for anything but terms that can be read twice: a collection, or one for each output."""
+    equations = given.values() if isinstance(given, Mapping) else (given,)
+    for one in equations:
+        listed = one if isinstance(one, Collection) and not isinstance(one, str) else (None,)
+        if len(listed) < least or not all(isinstance(term, str | Term) for term in listed):
+            raise ModelError(f"{name} = {clipped(repr(given))}; give a list of terms, as {example}")
 
 
 def generate_terms(

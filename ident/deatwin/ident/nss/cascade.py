@@ -15,6 +15,7 @@ from deatwin.ident.nss.basis import Basis
 from deatwin.ident.nss.identifier import StateSpaceIdentifier
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.search import Point, Record, search
+from deatwin.plant.arguments import require_fields, truth
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -92,6 +93,7 @@ class Cascade(StateSpaceIdentifier):
 
     def _require(self) -> None:
         self._require_whole("states")
+        require_fields(self, feedthrough=truth)
         if self.structure not in list(Structure):
             raise ModelError(f"structure = {self.structure!r}; it must be one of {', '.join(Structure)}")
         if self.structure == Structure.WIENER_HAMMERSTEIN and self.states < 2:

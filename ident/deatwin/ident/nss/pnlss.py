@@ -12,6 +12,7 @@ from deatwin.ident.nss.basis import Basis, monomials
 from deatwin.ident.nss.identifier import StateSpaceIdentifier
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.search import Point, Record
+from deatwin.plant.arguments import require_fields, truth
 from deatwin.plant.arrays import require_seed
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -100,6 +101,7 @@ class Pnlss(StateSpaceIdentifier):
 
     def _require(self) -> None:
         self._require_whole("states", "starts")
+        require_fields(self, feedthrough=truth, inputs_in_products=truth)
         for name in ("degrees", "output_degrees", "terms", "output_terms"):
             if isinstance(given := getattr(self, name), str) or not isinstance(given, Iterable):
                 kind = "(2, 3)" if "degrees" in name else '["|x1|"]'

@@ -8,6 +8,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 from warnings import warn
 
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.effects.backlash import Backlash
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.dead_zone import DeadZone
@@ -73,6 +74,7 @@ def machine_catalogue() -> tuple[Effect, ...]:
     return tuple(types[name]() for name in sorted(types))
 
 
+@taking(name=instance(str, error=RigError))
 def effect_named(name: str) -> Effect:
     """Return an effect by its canonical name, at its typical strength.
 

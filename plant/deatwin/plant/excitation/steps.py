@@ -47,11 +47,9 @@ def random_holds(
     """
     require_generator(rng)
     n = sample_count("duration", duration, sample_time)
-    if not lower < upper or not 0.0 < shortest <= longest < np.inf:
-        raise DataError(
-            f"levels {lower:g} to {upper:g} V, holds {shortest:g} to {longest:g} s: need lower < upper and "
-            "0 < shortest <= longest"
-        )
+    _check_range(lower, upper)
+    if not 0.0 < shortest <= longest < np.inf:
+        raise DataError(f"holds {shortest:g} to {longest:g} s: need 0 < shortest <= longest")
     command = np.empty(n)
     first = 0
     while first < n:

@@ -45,9 +45,10 @@ def linear_chirp(
     Raises
     ------
     DataError
-        If the duration is shorter than a sample, a frequency is out of range, or the amplitude is negative.
+        If the duration is shorter than a sample, a frequency is out of range, the amplitude is negative, or mean or
+        amplitude is infinite.
     """
-    t, end = _times(duration, sample_time, first, last, amplitude)
+    t, end = _times(duration, sample_time, first, last, mean, amplitude)
     cycles = first * t + (last - first) * t**2 / (2.0 * end)
     return mean + amplitude * np.sin(2.0 * np.pi * cycles)
 
@@ -87,10 +88,10 @@ def logarithmic_chirp(
     Raises
     ------
     DataError
-        If the duration is shorter than a sample, a frequency is out of range, the frequencies are equal, or the
-        amplitude is negative.
+        If the duration is shorter than a sample, a frequency is out of range, the frequencies are equal, the
+        amplitude is negative, or mean or amplitude is infinite.
     """
-    t, end = _times(duration, sample_time, first, last, amplitude)
+    t, end = _times(duration, sample_time, first, last, mean, amplitude)
     if first == last:
         raise DataError(f"frequencies {first:g} and {last:g} Hz: a logarithmic chirp needs two that differ")
     growth = math.log(last / first) / end
@@ -99,7 +100,7 @@ def logarithmic_chirp(
 
 
 def _times(
-    duration: float, sample_time: float, first: float, last: float, amplitude: float
+    duration: float, sample_time: float, first: float, last: float, mean: float, amplitude: float
 ) -> tuple[NDArray[np.float64], float]:
     """Return the sampled times and the time at which the last frequency is reached."""
     n = sample_count("duration", duration, sample_time)
@@ -109,6 +110,8 @@ def _times(
             f"frequencies {first:g} and {last:g} Hz: they must be above 0 and at most half the sample rate, "
             f"{highest:g} Hz"
         )
-    if not amplitude >= 0.0:
-        raise DataError(f"amplitude {amplitude:g} V: it must be at least 0")
+    if not (0.0 <= amplitude < np.inf and np.isfinite(mean)):
+        raise DataError(
+            f"mean {mean:g} V, amplitude {amplitude:g} V: both must be finite, and the amplitude at least 0"
+        )
     return np.arange(n, dtype=np.float64) * np.float64(sample_time), n * sample_time

@@ -9,6 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from xml.etree import ElementTree
 
+from deatwin.plant.arguments import file_name, instance, taking
 from deatwin.plant.export.archive import compiled, write_fmu
 from deatwin.plant.export.description import sampled_description
 from deatwin.plant.export.sampled import SampledSource, table
@@ -36,6 +37,7 @@ _BUILD = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
+@taking(source=instance(SampledSource), path=file_name)
 def export_cosimulation(source: SampledSource, path: str | Path) -> Path:
     """Export a sampled system as an FMU for co-simulation, with its source and a binary for this computer.
 

@@ -21,6 +21,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.arguments import file_name, taking
 from deatwin.plant.equations import SAMPLE_START
 from deatwin.plant.errors import ModelError
 from deatwin.plant.export.archive import compiled, write_fmu
@@ -39,6 +40,7 @@ _FRESH = "  m->up_to_date = 0;\n"
 """Patch for CasADi 3.8, which does not recompute time-dependent values when time is set."""
 
 
+@taking(path=file_name)
 def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant") -> Path:
     """Export a plant as an FMU for model exchange, with its source and a binary for this computer.
 

@@ -77,7 +77,7 @@ class SampledSource:
 
 def require_identifier(name: str) -> str:
     """Return the name if it is a valid prefix of C functions."""
-    if _IDENTIFIER.fullmatch(name) is None:
+    if not isinstance(name, str) or _IDENTIFIER.fullmatch(name) is None:
         raise ModelError(
             f"{name!r} cannot be a prefix of C names: give a letter, then at most 40 letters, digits and underscores"
         )

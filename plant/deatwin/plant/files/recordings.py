@@ -1,12 +1,14 @@
 """Read and write recordings: one file or several, in any format."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from os import PathLike
 from pathlib import Path
 from typing import TypedDict, TypeVar, Unpack
 
-import numpy as np
 from numpy.typing import ArrayLike
 
+from deatwin.plant.arguments import file_name, instance, taking
+from deatwin.plant.arrays import real_numbers
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.assemble import on_one_clock, recordings_of
 from deatwin.plant.files.columns import chosen_columns
@@ -26,6 +28,8 @@ from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 from deatwin.plant.rigs.rigfile import RigFile
 
 Way = TypeVar("Way")
+
+_COLUMN = instance(str, error=DataError)
 
 # A new format needs a line in each table: a reader that returns a Table, and a writer of a Recording.
 _READERS: dict[str, Callable[[str | Path], Table]] = {
@@ -69,6 +73,7 @@ class _Options(TypedDict, total=False):
     readings: Sequence[Reading]
 
 
+@taking(path=file_name, input_column=_COLUMN, time_column=_COLUMN, output_column=_COLUMN)
 def read_recordings(
     path: str | Path,
     *,
@@ -145,6 +150,7 @@ def read_recordings(
     )
 
 
+@taking(path=file_name, input_column=_COLUMN, time_column=_COLUMN)
 def read_commands(
     path: str | Path,
     *,
@@ -201,15 +207,16 @@ def read_recording(path: str | Path, **options: Unpack[_Options]) -> Recording:
     return read_recordings(path, allow_gaps=False, **options)[0]
 
 
+@taking(paths=instance(Iterable, PathLike, error=DataError))
 def read_experiment(
-    paths: Iterable[str | Path], *, allow_gaps: bool = False, **options: Unpack[_Options]
+    paths: Iterable[str | Path] | str | Path, *, allow_gaps: bool = False, **options: Unpack[_Options]
 ) -> Experiment:
     """Read the recordings of one experiment, which share one clock.
 
     Parameters
     ----------
-    paths : iterable of (str or Path)
-        Files, in any order. Files with dates as times, and TDMS waveforms with a start time (``wf_start_time``), are
+    paths : iterable of (str or Path), str or Path
+        Files, in any order, or one file. Files with dates as times, and TDMS waveforms with a start time (``wf_start_time``), are
         placed on the clock of the earliest file.
     allow_gaps : bool, default False
         If True, split records at their gaps and keep the clock; otherwise a gap is an error.
@@ -225,10 +232,12 @@ def read_experiment(
     DataError
         Same as for `read_recordings` and `Experiment`.
     """
-    files = (read_recordings(path, allow_gaps=allow_gaps, **options) for path in paths)
+    listed = (paths,) if isinstance(paths, str | PathLike) else paths
+    files = (read_recordings(path, allow_gaps=allow_gaps, **options) for path in listed)
     return Experiment(recordings=on_one_clock([recording for file in files for recording in file]))
 
 
+@taking(path=file_name, recording=instance(Recording, error=DataError))
 def write_recording(path: str | Path, recording: Recording) -> None:
     """Write a recording to a file that `read_recording` reads back to the last bit.
 
@@ -251,6 +260,7 @@ def write_recording(path: str | Path, recording: Recording) -> None:
         write(temporary, recording)
 
 
+@taking(path=file_name, columns=instance(Mapping, error=DataError))
 def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
     """Write columns to a CSV file; reading it back gives exactly the same numbers.
 
@@ -267,7 +277,7 @@ def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
     DataError
         If the columns differ in length or are not one-dimensional, or a header holds one of these characters.
     """
-    values = {name: np.asarray(column, dtype=np.float64) for name, column in columns.items()}
+    values = {name: real_numbers(column, f"{path}: the column {name}") for name, column in columns.items()}
     shapes = {column.shape for column in values.values()}
     if len(shapes) != 1 or len(shapes.pop()) != 1:
         raise DataError(f"{path}: columns must be one-dimensional and of one length: {', '.join(values)}")
@@ -277,6 +287,7 @@ def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
     write_text_atomic(path, "\n".join([",".join(values), *(",".join(map(repr, row)) for row in rows)]) + "\n")
 
 
+@taking(path=file_name, text=instance(str, error=DataError))
 def write_text_atomic(path: str | Path, text: str) -> None:
     """Write a UTF-8 text file atomically, so that no reader sees half of it.
 

@@ -29,6 +29,7 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.plant.arguments import file_name, taking
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.errors import DeatwinError, RigError, nearest
 from deatwin.plant.files.units import UNITS, find_unit
@@ -51,6 +52,7 @@ KEYS: Mapping[str, tuple[str, ...]] = {
 OF_PARAMETER = ("value", "lower", "upper", "unit", "logarithmic", "known", "varying")
 
 
+@taking(path=file_name)
 def read_model_file(path: str | os.PathLike[str]) -> Plant:
     """Read a model file.
 

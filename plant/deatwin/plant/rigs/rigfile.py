@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.plant.arguments import file_name, taking
 from deatwin.plant.errors import RigError
 from deatwin.plant.readings import Reading
 from deatwin.plant.rigs.base import ReadingTime
@@ -111,6 +112,7 @@ class RigFile:
         return max(sizes, default=float("inf"))
 
 
+@taking(path=file_name)
 def read_rig(path: str | Path) -> RigFile:
     """Read a rig file.
 
@@ -132,6 +134,7 @@ def read_rig(path: str | Path) -> RigFile:
     return RigFile.of(TomlFile.read(path))
 
 
+@taking(path=file_name)
 def load_material(path: str | Path) -> Material:
     """Read a material from a file with a section ``[material]``.
 

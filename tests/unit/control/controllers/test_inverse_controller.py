@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.control import StaticCurve
+from deatwin.control import ControlError, StaticCurve
 
 
 @pytest.fixture(params=[1.0, -1.0], ids=["rising", "falling"])
@@ -71,3 +71,13 @@ def test_it_draws_its_curve(curve):
     line = axes.get_lines()[0]
     np.testing.assert_allclose(curve.output(line.get_xdata()), line.get_ydata())
     assert replace(curve, input_unit="").plot().get_xlabel() == "constant input"
+
+
+def test_a_static_curve_keeps_nan_and_refuses_what_is_no_number():
+    curve = StaticCurve(inputs=[0.0, 1.0, 2.0], outputs=[0.0, 1.0, 4.0])
+    for read in (curve.input, curve.output, curve.slope):
+        np.testing.assert_array_equal(np.isnan(read([np.nan, 0.5])), [True, False])
+        for wrong in ("a", None, 1j):
+            with pytest.raises(ControlError, match="value must be"):
+                read(wrong)
+    np.testing.assert_allclose(curve.input([-1.0, 5.0]), [0.0, 2.0])

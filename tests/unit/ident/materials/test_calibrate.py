@@ -54,6 +54,46 @@ def test_the_evidence_chooses_energy_and_number_of_branches() -> None:
     assert found.noise.relative == pytest.approx((0.02, 0.02), rel=0.3)
 
 
+@pytest.mark.parametrize(
+    ("energy", "top", "truth"),
+    [
+        ("neo_hookean", 1.3, {"shear_modulus": 25e3}),
+        ("mooney_rivlin", 4.0, {"C1": 10e3, "C2": 5e3}),
+        ("yeoh", 4.0, {"C1": 12e3, "C2": -100.0, "C3": 5.0}),
+        ("ogden", 4.0, {"mu1": 30e3, "alpha1": 1.3, "mu2": 100.0, "alpha2": 5.0}),
+        ("gent", 1.5, {"shear_modulus": 25e3, "stretch_limit": 60.0}),
+    ],
+)
+def test_a_pull_without_errors_shows_the_energy_that_made_it(energy: str, top: float, truth: dict[str, float]) -> None:
+    stretch = np.linspace(1.02, top, 60)
+    above, pulls = stretch**2 + 2 / stretch - 3, stretch - stretch**-2
+    made = {
+        "neo_hookean": lambda modulus: modulus * pulls,
+        "mooney_rivlin": lambda c1, c2: 2 * pulls * (c1 + c2 / stretch),
+        "yeoh": lambda c1, c2, c3: 2 * pulls * (c1 + 2 * c2 * above + 3 * c3 * above**2),
+        "ogden": lambda *terms: sum(
+            modulus * (stretch ** (power - 1) - stretch ** (-power / 2 - 1))
+            for modulus, power in zip(terms[::2], terms[1::2], strict=True)
+        ),
+        "gent": lambda modulus, limit: modulus * limit / (limit - above) * pulls,
+    }
+    stress = made[energy](*truth.values())
+    found = calibrate_material([MaterialTest(name="a", kind="tension", stretch=stretch, stress=stress)])
+    assert found.section["energy"] == energy
+    assert {one.name: one.value for one in found.quantities} == pytest.approx(truth, rel=1e-3)
+
+
+def test_relaxations_without_errors_show_the_energy_that_made_them() -> None:
+    times = np.r_[0.0, np.geomspace(0.05, 400.0, 49)]
+    tests = [
+        MaterialTest(name=str(s), kind="relaxation", times=times, stretch=np.full(50, s), stress=held(times, s))
+        for s in (1.5, 2.5, 4.0)
+    ]
+    found = calibrate_material(tests)
+    assert found.section["energy"] == "gent"
+    assert {one.name: one.value for one in found.quantities} == pytest.approx(TRUE, rel=1e-3)
+
+
 def test_specimens_that_differ_widen_the_intervals() -> None:
     rng = np.random.default_rng(3)
     apart = calibrate_material(made_tests(rng, scatter=0.05, copies=3), {"energy": "gent"})

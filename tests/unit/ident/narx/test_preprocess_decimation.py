@@ -171,3 +171,18 @@ def test_plot_shows_both_functions():
     axes = choose_sampling(of(np.sin(np.arange(4000) / 30))).plot()
     assert axes.get_xlabel() == "lag (s)" and len(axes.get_legend().get_texts()) == 2
     assert "decimate by" in axes.get_title()
+
+
+def test_what_is_too_short_to_decimate_has_no_share_and_no_mean():
+    """Of 60 samples no variance could be computed after a filter of 75, which was given as a share of 0."""
+    short = Recording.from_arrays(np.arange(60.0) % 7, np.arange(60.0) % 5, 0.1)
+    for act in (lambda: removed_share(short, 4), lambda: decimate(short, 4)):
+        with pytest.raises(
+            DataError, match="60 samples are too few to decimate by 4: the filter alone is 75 samples long"
+        ):
+            act()
+    with pytest.raises(DataError, match="60 samples are too few to decimate by 100"):
+        decimate(short, 100, reading=ReadingTime.MEAN_OVER_HOLD)
+    for factor in (1, 0, -1, 1.5, None, "2"):
+        with pytest.raises(DataError, match=r"factor = .*; it must be an integer of at least 2"):
+            removed_share(short, factor)

@@ -180,6 +180,27 @@ def test_outliers_between_the_steps_of_a_held_input_are_named(hold):
     assert ("displacement", FindingKind.OUTLIERS) not in named(clean)
 
 
+@pytest.mark.parametrize("lag", [0.2, 0.8])
+@pytest.mark.parametrize("command", ["noise", "holds"])
+def test_spikes_are_named_also_where_the_command_moves(command, lag):
+    """Spikes of 30 deviations of the noise lie anywhere: beside jumps of the command, and in fast motion."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        slow = lfilter([0.05], [1.0, -0.95], rng.normal(size=3000))
+        inputs = slow if command == "noise" else np.repeat(rng.uniform(size=100), 30)
+        outputs = lfilter([0.0, 1.0 - lag], [1.0, -lag], inputs)
+        noise = 0.01 * np.ptp(outputs)
+        spikes = np.sort(rng.choice(np.arange(50, 2950), 3, replace=False))
+        outputs += noise * rng.normal(size=3000)
+        outputs[spikes] += 30.0 * noise * rng.choice([-1.0, 1.0], 3)
+        (found,) = [
+            one
+            for one in inspect_recordings(Recording.from_arrays(inputs, outputs, 1.0))
+            if one.kind is FindingKind.OUTLIERS
+        ]
+        assert f"3 outlying readings, at {', '.join(map(str, spikes))} s" in found.text
+
+
 @pytest.mark.parametrize("size", [2, 10, 100])
 def test_a_trend_is_named_however_large(size):
     def change(y):

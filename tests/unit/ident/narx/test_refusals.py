@@ -86,6 +86,18 @@ ARGUMENTS = [
     (Pnlss(degrees=2), r"degrees = 2; give a list, as \(2, 3\)"),
     (Pnlss(terms="x1^2"), "terms = 'x1\\^2'; give a list"),
     (Fixed(terms="y(k-1)"), "give a list"),
+    *(
+        (make(wrong), rf"{name} = .*; give a list of terms, as")
+        for wrong in (iter(["y(k-1)"]), 1.0, [1.0], {"y": [None]}, [["y(k-1)"]], RECORD)
+        for make, name in (
+            (lambda terms: Fixed(terms=terms), "terms"),
+            (lambda terms: Rls(terms=terms), "terms"),
+            (lambda terms: Frols(functions=terms), "functions"),
+            (lambda terms: Narmax(Frols(), noise_terms=terms), "noise_terms"),
+        )
+    ),
+    (Fixed(terms=["y(k-1)^0"]), r"cannot read the term 'y\(k-1\)\^0' from '\^0' on"),
+    (Fixed(terms=["|u(k-1)|^0"]), "cannot read the term"),
     (Fixed(terms=["y(k-1)", "y(k-1)"]), "only once"),
     (Fixed(terms=["e(k-1)"]), "Narmax"),
     (Fixed(terms=["u2(k-1)"]), "use 2 inputs"),

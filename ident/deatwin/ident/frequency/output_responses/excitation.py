@@ -16,6 +16,7 @@ from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
 from deatwin.ident.frequency.output_responses.ranges import checked_band, checked_sample_time
 from deatwin.ident.narx.operating import OperatingRange
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
@@ -108,6 +109,7 @@ class TestSignal(Described, Frozen):
         return axes
 
 
+@taking(unit=instance(str))
 def design_excitation(
     band_Hz: ArrayLike,
     sample_time: float,

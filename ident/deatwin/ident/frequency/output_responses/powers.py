@@ -14,6 +14,7 @@ from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.ranges import checked_sample_time
 from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, one_period, spectrum_of
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
@@ -117,6 +118,7 @@ class InputSpectrum(Described, Frozen):
         return axes
 
 
+@taking(unit=instance(str))
 def input_spectrum(excitation: ArrayLike, order: int, sample_time: float, *, unit: str = "") -> InputSpectrum:
     """Compute the spectrum of the n-th power of a periodic input.
 

@@ -17,6 +17,7 @@ from deatwin.ident.narx.linear.prediction import Minimum, PredictionErrorLoss, m
 from deatwin.ident.narx.linear.start import starting_points
 from deatwin.ident.narx.regression import Recordings, Regression, flatten, require_no_target
 from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.plant.arguments import truth
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -241,6 +242,7 @@ def _orders(
     """Return checked orders."""
     if n_inputs == 0:
         raise ModelError("the recordings have no input: there is nothing that the output could answer to")
+    truth(offset, "offset")
     (na,), (nc,), (nd,) = (per_input(k, v, 1, 0) for k, v in (("na", na), ("nc", nc), ("nd", nd)))
     return Orders(
         na=na,

@@ -6,14 +6,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import read_only
+from deatwin.ident.arguments import read_only, real_number, whole_number
 from deatwin.ident.narx.long_arx import LongArx, Signals, answer_chance, enough_lags, n_residuals
 from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
+from deatwin.plant.arguments import each, instance, taking
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording, label
 
@@ -133,6 +135,7 @@ class DeadTime:
         return found if self.status is DeadTimeStatus.FOUND else f"{found}; {self.status.value}"
 
 
+@taking(output=partial(whole_number, least=0), max_dead_time=partial(whole_number, least=0))
 def estimate_dead_time(
     recordings: Recordings, *, output: int = 0, max_dead_time: int = 100, probability: float = 0.95
 ) -> tuple[DeadTime, ...]:
@@ -210,6 +213,7 @@ def estimate_dead_time(
     return tuple(found[which] for which in sorted(found))
 
 
+@taking(dead_times=each(instance(DeadTime)), count=whole_number)
 def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
     """Return input lags for a model that cover the dead-time interval of each input and some lags after it.
 
@@ -244,7 +248,7 @@ def _require(chosen: Sequence[Recording], output: int, max_dead_time: int, proba
             f"the recordings have {n_inputs} inputs and {n_outputs} outputs; a dead time belongs to an input "
             f"to one of the outputs, here output {output}"
         )
-    if max_dead_time < 1 or not 0.0 < probability < 1.0:
+    if max_dead_time < 1 or not 0.0 < real_number(probability, "probability") < 1.0:
         raise ModelError(
             f"max_dead_time = {max_dead_time}, probability = {probability}: give at least one sample, and a "
             "probability between 0 and 1"

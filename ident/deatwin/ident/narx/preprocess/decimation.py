@@ -11,13 +11,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import read_only
+from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.plant.arguments import taking
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError
@@ -119,6 +121,7 @@ class SamplingChoice(Described):
         return axes
 
 
+@taking(n_lags=partial(whole_number, least=0))
 def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> SamplingChoice:
     """Choose a decimation factor from the linear and nonlinear autocorrelation of the output.
 

@@ -10,6 +10,7 @@ from math import log
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.narx.levels import input_levels, said_of_levels
 from deatwin.ident.narx.preprocess.stationarity import (
     ENOUGH_CORRELATION_TIMES,
@@ -20,6 +21,7 @@ from deatwin.ident.narx.preprocess.stationarity import (
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.repeats import whole_period_of
 from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
+from deatwin.plant.arguments import taking
 from deatwin.plant.errors import DataError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording, label
@@ -28,6 +30,7 @@ Array = NDArray[np.float64]
 _SEGMENTS = 20  # segments whose means are tested for a trend and a drift
 _NEIGHBOURHOOD = 101  # samples over which the usual deviation of a reading is determined
 _RINGING = 10  # samples beside an outlier in which no other reading deviates, and samples that ringing may last
+_LINEAR = 0.95  # share of the deviations of readings that may remain without a linear answer to the inputs
 FEWEST = 200  # samples below which nothing can be distinguished from chance
 
 
@@ -82,6 +85,7 @@ class Finding:
         return f"{self.recording}, {self.signal}: {self.text}"
 
 
+@taking(degree=whole_number)
 def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: int = 3) -> tuple[Finding, ...]:
     """Look for trends, drift, outliers, quantisation, clipping, constant stretches and few levels.
 
@@ -109,7 +113,7 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
     DataError
         If a recording is too short, or the level is invalid.
     """
-    if not 0.0 < level < 1.0:
+    if not 0.0 < real_number(level, "level") < 1.0:
         raise DataError(f"level = {level}; it must lie between 0 and 1")
     found: list[Finding] = []
     chosen = flatten(recordings)
@@ -224,39 +228,65 @@ def _levelled(segments: Array) -> Array:
 
 
 def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
-    """Find isolated readings far from the cubic through four neighbours, relative to the usual distance nearby. A step,
-    its ringing, the usual response to a kink of an input, and what recurs with the inputs are motion, not outliers."""
+    """Find isolated readings far from their neighbours, in the readings and in what a linear system leaves of them."""
+    y = channel.values
+    rest = y - _answer(channel.record, y)
+    # The answer to the inputs hides disturbed readings. If it is not linear, the rest has corners that are no outliers.
+    linear = np.abs(neighbours_deviation(rest)).sum() < _LINEAR * np.abs(neighbours_deviation(y)).sum()
+    looked_at = [_isolated(channel.record, values, level) for values in ((y, rest) if linear else (y,))]
+    ratio = np.max([ratios for _, ratios in looked_at], axis=0)
+    far = np.flatnonzero(ratio)
+    if far.size:
+        worst = far[np.argmax(ratio[far])]
+        deviation = max(looked_at, key=lambda one: float(one[1][worst]))[0][worst]
+        times = ", ".join(f"{channel.record.timepts[k]:.6g}" for k in far[:5]) + (", ..." if far.size > 5 else "")
+        text = (
+            f"{far.size} outlying reading{'s' if far.size > 1 else ''}, at {times} s; the largest differs from its "
+            f"neighbours by {channel.amount(deviation)}, {ratio[worst]:.3g} times the usual difference"
+        )
+        yield channel.finding(FindingKind.OUTLIERS, far, deviation, text)
+
+
+def _isolated(record: Recording, values: Array, level: float) -> tuple[Array, Array]:
+    """Return the deviation of each value from its neighbours, and how many times the usual one an outlier's is; 0 for
+    all others. A step, its ringing, the usual response to a kink of an input, and what recurs with the inputs are
+    motion, not outliers. Shapes: `values` (n,)."""
     from scipy.ndimage import maximum_filter, median_filter
     from scipy.special import ndtri
 
-    y = channel.values
-    inner = np.arange(2, y.size - 2)
-    deviation, jump = neighbours_deviation(y), np.zeros(y.size)
-    jump[inner] = np.abs(y[inner + 1] - y[inner - 1])
+    inner = np.arange(2, values.size - 2)
+    deviation, jump = neighbours_deviation(values), np.zeros(values.size)
+    jump[inner] = np.abs(values[inner + 1] - values[inner - 1])
     size = np.abs(deviation)
     # The usual deviation nearby where the signal moves fast, that of the whole signal elsewhere.
     usual = 1.4826 * np.maximum(median_filter(size, _NEIGHBOURHOOD, mode="nearest"), np.median(size[inner]))
-    usual = np.maximum(usual, max(resolution(y) / 2.0, 1e-12 * float(np.abs(y).max())))
+    usual = np.maximum(usual, max(resolution(values) / 2.0, 1e-12 * float(np.abs(values).max())))
     # Bonferroni's correction over the samples; the median of n correlated deviations is uncertain by about 2 / sqrt(n).
-    limit = -float(ndtri(level / (2.0 * y.size))) * (1.0 + 2.0 / np.sqrt(y.size))
+    limit = -float(ndtri(level / (2.0 * values.size))) * (1.0 + 2.0 / np.sqrt(values.size))
     # The outlier itself bends the cubics of its neighbours up to two samples away; farther off, nothing may deviate
     # with it.
     around = np.abs(np.arange(-_RINGING, _RINGING + 1)) > 2
     company = maximum_filter(size, footprint=around)
     lone = (size >= maximum_filter(size, 5)) & (size > 2.0 * company) & (size > 2.0 * jump)
-    answers = _kinks(channel.record)
+    answers = _kinks(record)
     if answers.any():  # Deviations that most kinks cause are usual after a kink.
         usual[answers] = np.maximum(usual[answers], np.quantile(size[answers], 0.95))
     far = np.flatnonzero((size > limit * usual) & lone)
-    far = far[~_recurs(far, deviation, channel.record)] if far.size else far
-    if far.size:
-        worst = far[np.argmax(size[far])]
-        times = ", ".join(f"{channel.record.timepts[k]:.6g}" for k in far[:5]) + (", ..." if far.size > 5 else "")
-        text = (
-            f"{far.size} outlying reading{'s' if far.size > 1 else ''}, at {times} s; the largest differs from its "
-            f"neighbours by {channel.amount(deviation[worst])}, {size[worst] / usual[worst]:.3g} times the usual difference"
-        )
-        yield channel.finding(FindingKind.OUTLIERS, far, deviation[worst], text)
+    far = far[~_recurs(far, deviation, record)] if far.size else far
+    ratio = np.zeros(values.size)
+    ratio[far] = size[far] / usual[far]
+    return deviation, ratio
+
+
+def _answer(record: Recording, output: Array) -> Array:
+    """Return what the inputs cause in an output within the samples that ringing may last (n,), as a linear system."""
+    n = output.size
+    lagged = [np.r_[np.full(lag, u[0]), u[: n - lag]] for u in record.inputs for lag in range(_RINGING + 1)]
+    if not lagged:
+        return np.zeros(n)
+    bends = np.column_stack([neighbours_deviation(one) for one in lagged])
+    gains = np.linalg.lstsq(bends, neighbours_deviation(output), rcond=1e-6)[0]
+    return np.asarray(gains @ lagged, dtype=np.float64)
 
 
 def _recurs(samples: NDArray[np.intp], deviation: Array, record: Recording) -> NDArray[np.bool_]:

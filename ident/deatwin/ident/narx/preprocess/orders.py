@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from deatwin.ident.arguments import whole_number
 from deatwin.ident.narx.identifier import NarxIdentifier
 from deatwin.ident.narx.lags import Lags, lags_anywhere
 from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.plant.arguments import instance, taking
 from deatwin.plant.datasets import Described, Metadata, attribute, squared, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -170,6 +172,7 @@ class OrderChoice(Described):
         return axes
 
 
+@taking(identifier=instance(NarxIdentifier))
 def choose_orders(
     identifier: NarxIdentifier,
     training: Recordings,
@@ -205,11 +208,14 @@ def choose_orders(
     """
     held_out, train = flatten(validation), flatten(training)
     for name, tried in (("output_lags", output_lags), ("input_lags", input_lags), ("degrees", degrees)):
-        if isinstance(tried, str) or not (tried is None or isinstance(tried, Iterable)):
+        if isinstance(tried, str) or not (isinstance(tried, Iterable) or (tried is None and name == "input_lags")):
             raise ModelError(f"{name} = {tried!r}; give all that are tried, as [1, 2, 3]")
     own = list(output_lags)
     pairs = zip(own, own, strict=True) if input_lags is None else product(own, input_lags)
-    grid = [OrderTrial(output_lags=y, input_lags=u, degree=d) for d, (y, u) in product(degrees, list(pairs))]
+    grid = [
+        OrderTrial(output_lags=y, input_lags=u, degree=d)
+        for d, (y, u) in product((whole_number(d, "a degree") for d in degrees), list(pairs))
+    ]
     if not grid:
         raise ModelError("the grid is empty: give output lags and degrees")
     first = max(max(_largest(trial.output_lags), _largest(trial.input_lags)) for trial in grid)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.narx.preprocess.stationarity import (
     ENOUGH_CORRELATION_TIMES,
     STATISTICS,
@@ -20,6 +22,7 @@ from deatwin.ident.narx.preprocess.stationarity import (
 )
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.plant.amplitudes import axis_label
+from deatwin.plant.arguments import taking
 from deatwin.plant.datasets import (
     Described,
     Metadata,
@@ -205,6 +208,7 @@ class Sections(Described):
         return axes
 
 
+@taking(n_segments=partial(whole_number, least=0))
 def choose_sections(
     recordings: Recordings, *, n_segments: int = 20, level: float = 0.05, validation_share: float = 0.3
 ) -> Sections:
@@ -231,7 +235,8 @@ def choose_sections(
     DataError
         If the segments are too few or too short, or a share is not between 0 and 1.
     """
-    if not 0.0 < level < 1.0 or not 0.0 < validation_share < 1.0:
+    shares = real_number(level, "level"), real_number(validation_share, "validation_share")
+    if not all(0.0 < share < 1.0 for share in shares):
         raise DataError(f"level = {level} and validation_share = {validation_share} must lie between 0 and 1")
     chosen = flatten(recordings)
     statistics = [_statistics(record, n_segments) for record in chosen]

@@ -1,0 +1,99 @@
+"""Check the types and values of arguments; a wrong one raises a clear error that names it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from inspect import signature
+from os import PathLike
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+
+from deatwin.plant.errors import DataError, DeatwinError, ModelError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+Check = Callable[[Any, str], object]
+"""Function that takes a value and its name, and raises an error if the value is of another kind."""
+
+
+def taking(**checks: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorate a function so that its arguments are checked first; an argument equal to its default is not checked."""
+
+    def decorate(taker: Callable[P, R]) -> Callable[P, R]:
+        parameters = signature(taker)
+
+        @wraps(taker)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            try:
+                given = parameters.bind(*args, **kwargs).arguments
+            except TypeError:
+                return taker(*args, **kwargs)  # Python's own error names the function, too
+            for name, value in given.items():
+                if name in checks and value is not parameters.parameters[name].default:
+                    checks[name](value, name)
+            return taker(*args, **kwargs)
+
+        return checked
+
+    return decorate
+
+
+def require_fields(owner: object, **checks: Check) -> None:
+    """Check attributes of an object."""
+    for name, check in checks.items():
+        check(getattr(owner, name), name)
+
+
+def instance(*kinds: type, hint: str = "", error: type[DeatwinError] = ModelError) -> Check:
+    """Return a check that accepts only objects of given classes."""
+    wanted = " or ".join(_with_article(kind.__name__) for kind in kinds)
+
+    def check(value: Any, name: str) -> None:
+        if not isinstance(value, kinds):
+            raise error(f"{name} must be {wanted}{hint}; got {kind_of(value)}")
+
+    return check
+
+
+def each(check: Check, error: type[DeatwinError] = ModelError) -> Check:
+    """Return a check that applies another check to every member of a sequence."""
+
+    def check_all(value: Any, name: str) -> None:
+        if not isinstance(value, list | tuple | np.ndarray):
+            raise error(f"{name} must be a list or a tuple; got {kind_of(value)}")
+        for place, member in enumerate(value):
+            check(member, f"{name}[{place}]")
+
+    return check_all
+
+
+def truth(value: Any, name: str) -> None:
+    """Raise an error unless a value is True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise ModelError(f"{name} must be True or False; got {kind_of(value)}")
+
+
+def file_name(value: Any, name: str) -> None:
+    """Raise an error unless a value is the path of a file."""
+    instance(str, PathLike, error=DataError)(value, name)
+
+
+def kind_of(value: Any) -> str:
+    """Describe the kind of a value in a word or two; the value itself may be too long for a message."""
+    if value is None:
+        return "None"
+    if isinstance(value, str):
+        return "text"
+    if isinstance(value, np.ndarray) and value.ndim:
+        return f"an array of shape {value.shape}"
+    if isinstance(value, list | tuple):
+        return f"a {type(value).__name__} of {len(value)}"
+    if callable(getattr(value, "fit", None)):
+        return f"{_with_article(type(value).__name__)}, whose model_ is the fitted model"
+    return _with_article(type(value).__name__)
+
+
+def _with_article(name: str) -> str:
+    return f"an {name}" if name[0] in "aeioAEIO" else f"a {name}"
