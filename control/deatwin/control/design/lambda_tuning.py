@@ -102,7 +102,7 @@ def lambda_tuning(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the model answers to a command in the same sample, the closed-loop time is shorter than a sample, the model
+        If the model responds to a command in the same sample, the closed-loop time is shorter than a sample, the model
         needs more than 200000 samples to reach 63 % of a step, or the limits do not enclose the operating input.
 
     References
@@ -166,7 +166,7 @@ def lambda_tuning_pid(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the model answers to a command in the same sample or has no second lag, the closed-loop time is shorter than
+        If the model responds to a command in the same sample or has no second lag, the closed-loop time is shorter than
         a sample, or the limits do not enclose the operating input.
 
     References

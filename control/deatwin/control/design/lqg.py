@@ -102,7 +102,7 @@ def lqg(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the model answers to a command in the same sample, the closed-loop time cannot be reached (the text gives one
+        If the model responds to a command in the same sample, the closed-loop time cannot be reached (the text gives one
         that can), a noise or drift level is not positive, or the limits do not enclose the operating input.
 
     References

@@ -220,10 +220,10 @@ class LinearModel(Described):
         raise ModelError(f"{self.status.value}" + (f" ({self.detail})" if self.detail else ""))
 
     def require_in_loop(self) -> Self:
-        """Return this model; ControlError if it answers to a command in the same sample, as no controller sees it."""
+        """Return this model; ControlError if it responds to a command in the same sample, as no loop with a delay does."""
         if self.require().numerator[0] != 0.0:
             raise ControlError(
-                "the model answers to a command in the same sample: design on it as the controller sees it, "
+                "the model responds to a command in the same sample: design on the model with the delay of the loop, "
                 "linear.in_loop(rig.reading)"
             )
         return self
