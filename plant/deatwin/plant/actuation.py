@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 
 HALVINGS = 40
+MARKERS = {"pulls in": "o", "breaks down": "x", "goes slack": "v"}
 SHOWN = {"m": (1e3, "mm"), "N": (1e3, "mN")}
 
 
@@ -93,6 +94,13 @@ class ActuationCurve(Described):
         """Command at which the film loses its tension; None without such a loss, or if the tension is not watched."""
         return self._crossing(-self.signals.get("tension", np.zeros(0)))
 
+    @property
+    def limits(self) -> dict[str, float]:
+        """Commands at which the film ``pulls in``, ``breaks down`` or ``goes slack``; without those that do not occur."""
+        pull_in = None if self.end.ok else float(self.commands[-1])
+        found = {"pulls in": pull_in, "breaks down": self.breakdown_command, "goes slack": self.slack_command}
+        return {verb: command for verb, command in found.items() if command is not None}
+
     def _crossing(self, excess: np.ndarray) -> float | None:
         """Return the first command with an excess above 0, which may be the first of all. Shapes: `excess` (n,)."""
         if not (excess > 0).any():
@@ -111,16 +119,10 @@ class ActuationCurve(Described):
         (command, command_unit), (reading, reading_unit) = self.axes
         factor, shown = SHOWN.get(reading_unit, (1.0, reading_unit))
         (line,) = ax.plot(self.commands, factor * self.readings, **style)  # type: ignore[arg-type]
-        marks = {
-            "pull-in": ("o", None if self.end.ok else float(self.commands[-1])),
-            "breakdown": ("x", self.breakdown_command),
-            "slack": ("v", self.slack_command),
-        }
-        for name, (marker, at) in marks.items():
-            if at is not None:
-                height = factor * np.interp(at, self.commands, self.readings)
-                ax.plot([at], [height], marker, color=line.get_color(), clip_on=False)
-                ax.annotate(name, (at, height), xytext=(-6, 3), textcoords="offset points", ha="right")
+        for verb, at in self.limits.items():
+            height = factor * np.interp(at, self.commands, self.readings)
+            ax.plot([at], [height], MARKERS[verb], color=line.get_color(), clip_on=False)
+            ax.annotate(verb, (at, height), xytext=(-6, 3), textcoords="offset points", ha="right")
         ax.set_xlabel(f"{command} ({command_unit})")
         ax.set_ylabel(f"{reading} ({shown})")
         return ax

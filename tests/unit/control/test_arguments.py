@@ -270,7 +270,9 @@ def test_a_model_that_answers_in_the_same_sample_is_refused(name):
         operating_input=0.5,
         operating_output=0.5,
     )
-    with pytest.raises(ControlError, match=r"responds to a command in the same sample.*linear\.in_loop\(rig\.reading\)"):
+    with pytest.raises(
+        ControlError, match=r"responds to a command in the same sample.*linear\.in_loop\(rig\.reading\)"
+    ):
         called(name, {**GIVEN[name], "linear": at_once})
     called("lambda_tuning", {**SETTINGS, "linear": at_once.in_loop(ReadingTime.END_OF_HOLD)})
 

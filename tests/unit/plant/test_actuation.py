@@ -64,7 +64,7 @@ def test_the_picture_has_the_curve_and_its_end():
     curve = actuation_curve(Plant(rig=Planar(prestretch=1.0)), np.linspace(0, 12, 31))
     axes = curve.plot()
     np.testing.assert_allclose(axes.lines[0].get_ydata(), 1e3 * curve.readings)
-    assert [text.get_text() for text in axes.texts] == ["pull-in"]
+    assert [text.get_text() for text in axes.texts] == ["pulls in"]
     assert axes.get_xlabel() == "command (V)" and axes.get_ylabel() == "displacement (mm)"
 
 

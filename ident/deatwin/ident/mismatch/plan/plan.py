@@ -23,6 +23,7 @@ from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen, Telling
 from deatwin.ident.mismatch.plan.seen import Change, distances, smallest
 from deatwin.ident.mismatch.prepare import effects_for
 from deatwin.ident.parallel import one_thread, require_workers, run_jobs
+from deatwin.plant.actuation import actuation_curve
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.arrays import require_seed
 from deatwin.plant.effects.base import Effect
@@ -353,7 +354,9 @@ def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
         )
     limits = safe_limits([plant], limits_of(plant, ()))
     if limits is None:
-        raise SimulationError("the simulation of the nominal plant fails over the rig's whole range of commands")
+        raise SimulationError(
+            f"the simulation of the nominal plant fails over the rig's whole range of commands{_borne(plant)}"
+        )
     made = {name: waveform(name, limits, seconds, rig.sample_time, np.random.default_rng(seed)) for name in REPERTOIRE}
     return {
         name: Recording.from_arrays(
@@ -362,3 +365,13 @@ def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
         for name, u in made.items()
         if u is not None and bears(plant, u, limits.rest)
     }
+
+
+def _borne(plant: Plant) -> str:
+    """Return the end of an error text: up to which command the film bears the voltage, or nothing if it bears all."""
+    rest, high = plant.rig.start.rest_command, plant.rig.command_range[1] if plant.rig.command_range else -np.inf
+    ends = actuation_curve(plant, np.linspace(rest, high, 100)).limits if rest < high else {}
+    if not ends:
+        return ""
+    verb, command = min(ends.items(), key=lambda end: end[1])
+    return f"; the film {verb} at {command:.3g} {plant.rig.input_unit}, and the range ends at {high:g}: lower it"
