@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 class GreaseRidge(Effect):
     """Lumps of dried grease of period p that the film drags over the ball: F = -F_g sin(2 pi y/p), y the displacement.
 
-    It acts from y_1 to y_2 and from t_1 to t_2, with logistic ends of d and T. No state. The ball snaps from lump to
-    lump if 2 pi F_g/p exceeds the film's stiffness (law: Iglesias & Gonçalves, arXiv:1708.03414).
+    It acts from y_1 to y_2 and from t_1 to t_2, with logistic ends of d and T. The effect has no state. The ball snaps
+    from lump to lump if 2 pi F_g/p exceeds the film's stiffness (law: Iglesias & Gonçalves, arXiv:1708.03414).
     """
 
     force: float = 1e-3  # Force F_g, N

@@ -68,7 +68,8 @@ class Parameter:
     Raises
     ------
     RigError
-        If a field has the wrong type, the value lies outside the range, or the range is empty.
+        If a field has the wrong type, the range is empty, or the value lies outside the range, as widened according to
+        `widest`.
     """
 
     name: str

@@ -153,6 +153,20 @@ def test_the_report_shows_every_finding_beside_its_limit(results: Path) -> None:
     assert "<td>phase margin</td>" in text and "≥ 45°" in text and "≥ 30°" in text
 
 
+def test_the_margins_at_the_operating_point_stand_beside_their_linearised_limits(results: Path) -> None:
+    text = (results / "report.html").read_text(encoding="utf-8")
+    check = Check.load(results / "check.json")
+    (band,) = (row for row in check.table if row.source == "model, linearised")
+    part = text[text.index('aria-label="Margins of the model at the operating point"') :].partition("</table>")[0]
+    heads = re.findall(r'<th scope="col"[^>]*>([^<]*)</th>', part)
+    rows = [re.findall(r"<td[^>]*>([^<]*)</td>", row) for row in part.split("<tr>")[2:]]
+    shown = {row[0]: row[heads.index("lower 95 % limit, linearised")] for row in rows}
+    lows = band.gain_low, band.phase_low_deg, band.delay_low / check.operating.sample_time, band.disk_low
+    for name, low in zip(("gain", "phase", "delay", "disk"), lows, strict=True):
+        assert float(re.split("[° \xa0]", shown[name])[0]) == pytest.approx(low, rel=5e-3), name
+    assert "Margins of the model, linearised" in text
+
+
 def test_the_data_of_the_figures_are_those_of_the_check(results: Path) -> None:
     found = Check.load(results / "check.json")
     assert found.steps is not None and found.controller is not None

@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass, replace
 from html import unescape
+from itertools import pairwise
 from math import inf
 from pathlib import Path
 from types import SimpleNamespace
@@ -45,7 +46,7 @@ from deatwin.ident.mismatch.result import (
     TermSummary,
     UnseenErrors,
 )
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording
+from deatwin.plant import Creep, Delay, Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError
 from deatwin.studies.folder import ResultFolder
@@ -81,6 +82,28 @@ def test_what_is_left_unexplained_is_shown_with_its_place(tmp_path: Path) -> Non
     page = page_of(replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left), tmp_path)
     assert "Of a mismatch of 9.61 µm rms, these effects leave 1.23 µm rms unexplained (1.6 % of its power)." in page
     assert "The signals at the ball predict the unexplained mismatch best." in page
+
+
+def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_predict(tmp_path: Path) -> None:
+    """Creep acts in the film and was tried; nothing was tried at the ball."""
+    places = (
+        PlaceSummary(place="ball", score=0.52, explained=0.5, among_best=False),
+        PlaceSummary(place="film", signal="permittivity", score=0.0, explained=0.662, among_best=True),
+        PlaceSummary(place="sensor", score=0.3),
+    )
+    made = with_everything()
+    findings: Any = made.findings
+    findings.problem = SimpleNamespace(everywhere=(Creep(), Delay()))
+    page = page_of(replace(made, location=LocationSummary(time=(), frequency=(), region=(), place=places)), tmp_path)
+    cells = [re.sub("<[^>]*>", "", cell) for cell in re.findall("<td.*?</td>", page)]
+    rows = dict(pairwise(cells))
+    assert rows["film: permittivity"] == "effect: 0 %, signals: 66 %"
+    assert (rows["ball"], rows["sensor"]) == ("signals: 50 %", "effect: 30 %")
+    assert [c for c in cells if c in ("film: permittivity", "ball", "sensor")] == [
+        "film: permittivity",
+        "ball",
+        "sensor",
+    ]
 
 
 def test_an_interval_has_the_prefix_of_its_value() -> None:
@@ -315,7 +338,7 @@ EXPLANATIONS = {
         ),
         (
             Verdict.DISTURBANCE,
-            "2 % of the power of the mismatch repeats with the command (with its uncertainty, at most 9 %), but missing physics is diagnosed only if at least 30 % does.",
+            "2 % of the power of the mismatch repeats with the command (with its uncertainty, at most 9 %), but missing physics is diagnosed only if at least 30 % repeats.",
         ),
         (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are faulty, and at most 10 are accepted."),
         (

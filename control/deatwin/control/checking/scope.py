@@ -103,8 +103,8 @@ def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float6
     who += f" of {source}" if many and source != "plant" else ""
     subject = "film" if source == "plant" else f"film ({source})"
 
-    def film(of: object) -> str:
-        return f"the film in {of} {who}" if many else f"the film in {own}"
+    def film(of: int) -> str:
+        return f"in {of} {who}, the film" if many else f"the film in {own}"
 
     if used:
         text = f"{film(used)} would pull in, break down or lose tension with {100 * (HEADROOM - 1):.0f} % more voltage"
@@ -115,8 +115,8 @@ def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float6
     if lost:
         text = f"{film(lost)} would pull in, break down or lose tension if the command reached the controller's limits"
         return Finding(subject=subject, value=float(lost), verdict=Verdict.MARGINAL, text=text)
-    fails = "pulls in, breaks down or loses" if many else "does not pull in, break down or lose"
-    text = f"{film('none')} {fails} tension, even if the command reaches the controller's limits"
+    none = f"in none {who} does the film" if many else f"the film in {own} does not"
+    text = f"{none} pull in, break down or lose tension, even if the command reaches the controller's limits"
     return Finding(subject=subject, value=0.0, verdict=Verdict.PASS, text=text)
 
 

@@ -32,7 +32,8 @@ class GainSchedule(FamilyBands):
     Parameters
     ----------
     family : LinearFamily
-        Linear models over the operating points; the first sample is the model itself.
+        Linear models at each operating point, for each sample of the parameters; the first sample is the estimate
+        itself.
     """
 
     ALONG: ClassVar[str] = "operating_input"

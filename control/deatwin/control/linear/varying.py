@@ -32,8 +32,8 @@ class VaryingLinear(FamilyBands):
     Parameters
     ----------
     family : LinearFamily
-        Linear models whose points are the times. The first sample is the model itself; the others are drawn from the
-        covariance at each time, with the same standard normal draws at all times.
+        Linear models at each time, for each sample of the parameters. The first sample is the estimate itself; the
+        others are drawn from the covariance at each time, with the same standard normal draws at all times.
     timepts : ndarray, shape (n_times,)
         Increasing times on the experiment's clock, s.
     """

@@ -50,7 +50,8 @@ class Profile(Described):
     values : ndarray, shape (n,)
         Values at which the other parameters were fitted, in increasing order, SI.
     deviances : ndarray, shape (n,)
-        Twice the decrease of the log-likelihood at each value, scaled as in `profile`.
+        Twice the decrease of the log-likelihood at each value, scaled so that its curvature matches the covariance of
+        the calibration.
     low, high : float
         Ends of the 95 % interval, SI. If the likelihood does not fall far enough, an end is the end of the physical
         range, or the last value at which the plant could be fitted.

@@ -10,7 +10,7 @@ from deatwin.ident.mismatch.detect.origin import FOREIGN, UNPREDICTED
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.quality.quality import FAULTY_SHARE, FEWEST_FAULTY
 from deatwin.ident.mismatch.result import LEAST_TOLD
-from deatwin.ident.mismatch.say import MOST_NAMED, called, number, ranked, spaced
+from deatwin.ident.mismatch.say import called, headline, number, spaced
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 
@@ -56,8 +56,8 @@ def next_step(diagnosis: Diagnosis) -> str:
         mass = advised.added_mass_g
         if mass is not None:  # another rig, whose recordings stand alone
             load = f"add {number(mass)} g to the load, state the new mass in the rig file"
-            return f"{load}, record the input in {advised.file}{also}, and diagnose this recording alone"
-        return f"record the input in {advised.file}{also}, and diagnose all recordings together"
+            return f"{load}, apply the input in {advised.file}, record the response{also}, and diagnose this recording alone"
+        return f"apply the input in {advised.file}, record the response{also}, and diagnose all recordings together"
     if advised is not None and advised.measure is not None:
         return f"record again and measure {advised.measure} as well, then diagnose all recordings together"
     return diagnosis.verdict.advice
@@ -73,21 +73,20 @@ def _named(diagnosis: Diagnosis) -> str:
     if 1.0 - MARGIN - first < HARDLY:
         return f"{likely}, and the remaining {percent(MARGIN)} is kept for {untried}"
     return (
-        f"{likely}, other explanations from the catalogue {percent(1.0 - MARGIN - first)}, and "
-        f"{untried} {percent(MARGIN)}"
+        f"{likely}, other explanations from the catalogue {_rest(1.0 - MARGIN, first)}, and {untried} {percent(MARGIN)}"
     )
 
 
 def _ambiguous(diagnosis: Diagnosis) -> str:
     if not diagnosis.explanations:
         return ""
-    first, *others = ranked(diagnosis)[:MOST_NAMED]
-    rest = 1.0 - first.probability - sum(one.probability for one in others)
+    first, *others = headline(diagnosis)[0]
+    rest = _rest(1.0, first.probability, *(one.probability for one in others))
     said = [
         f"{called(first.effects, diagnosis)} {_is(diagnosis)} {percent(first.probability)} likely",
         *(f"{called(one.effects, diagnosis)} {percent(one.probability)}" for one in others),
     ]
-    return f"{', '.join(said)}, and any other cause {percent(rest)}"
+    return f"{', '.join(said)}, and any other cause {rest}"
 
 
 def _is(diagnosis: Diagnosis) -> str:
@@ -121,7 +120,7 @@ def _clean(diagnosis: Diagnosis) -> str:
 
 def _unknown(diagnosis: Diagnosis) -> str:
     located = diagnosis.location.place if diagnosis.location else ()
-    best = max((place.score for place in located), default=None)
+    best = max((max(place.score, place.explained or 0.0) for place in located), default=None)
     effect = ""
     if best is not None:
         effect = f"the best single effect or signal accounts for {100 * best:.0f} % of the mismatch"
@@ -137,7 +136,7 @@ def _disturbance(diagnosis: Diagnosis) -> str:
     return (
         f"{_estimated(origin.share)} % of the power of the mismatch {what} (with its uncertainty, at most "
         f"{_estimated(origin.high)} %), but missing physics is diagnosed only if at least "
-        f"{100 * (FOREIGN if repeats else UNPREDICTED):g} % does"
+        f"{100 * (FOREIGN if repeats else UNPREDICTED):g} % {'repeats' if repeats else 'can be predicted'}"
     )
 
 
@@ -177,6 +176,14 @@ def _rms(value: float, diagnosis: Diagnosis) -> str:
 def percent(probability: float) -> str:
     """Write a probability in per cent."""
     return f"{100 * probability:.0f} %" if probability >= LEAST_TOLD else f"below {100 * LEAST_TOLD:g} %"
+
+
+def _rest(whole: float, *shown: float) -> str:
+    """Write what some probabilities leave of a whole, so that the percentages as shown add up to the whole."""
+    rest = whole - sum(shown)
+    if rest < LEAST_TOLD:
+        return percent(rest)
+    return f"{100 * whole - sum(round(100 * one) for one in shown if one >= LEAST_TOLD):.0f} %"
 
 
 def _estimated(share: float) -> str:

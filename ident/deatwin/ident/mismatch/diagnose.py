@@ -63,8 +63,9 @@ def diagnose(
     experiments : Experiment or Recording, or a sequence of such
         Experiments and single recordings, each from rest. Put recordings on the same clock into one experiment.
     effects : sequence of Effect, optional
-        Effects that may be missing; by default the whole catalogue. Effects of the catalogue are scaled to the typical
-        quantities of the rig if the rig states them (`Rig.sizes`). Effects that the rig does not accept are skipped.
+        Effects that may be missing; by default the whole catalogue. If the rig states its typical quantities
+        (`Rig.sizes`), the typical strengths of catalogue effects are adapted to them. Effects that the rig does not
+        accept are skipped.
     jobs : int
         Number of worker processes; -1 takes all cores.
     seed : int

@@ -40,8 +40,8 @@ def prepare(
     checked : DataQuality
         Recordings as `check_quality` returned them.
     effects : sequence of Effect, optional
-        Effects that may be missing; by default all that the rig offers, scaled as in `diagnose`. Effects that the rig
-        does not accept are skipped.
+        Effects that may be missing; by default all that the rig offers. The typical strengths of catalogue effects are
+        adapted to the rig, as in `diagnose`. Effects that the rig does not accept are skipped.
     jobs : int
         Number of worker processes; -1 takes all cores.
 

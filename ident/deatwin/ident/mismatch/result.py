@@ -239,8 +239,9 @@ class VerificationSummary:
     gain_low : float
         Lower 95 % bound of the decrease of the rms residual on held-out data, in the unit of the diagnosis.
     counts : bool or None
-        True if the error certainly decreases over all data and, on held-out data, decreases by more than the model
-        error and by most of the excess over noise.
+        True if the explanation is accepted even without a positive `gain_low`: over all data the error certainly
+        decreases, and on held-out data the mean square error decreases by more than the square of the model error and
+        by more than half of its excess over noise.
     ablation : tuple of Ablation
         For each effect, the results when this effect is removed and the rest is refitted.
     shams : tuple of PlaceboSummary

@@ -39,7 +39,8 @@ COUNTED = {2: "two effects", 3: "three effects"}
 MOST_CHANGED = 2
 """Largest number of changed parameters that are named."""
 MOST_NAMED = 3
-"""Largest number of possible explanations that are named; a report lists all of them in a table."""
+"""Number of possible explanations that are named if at least two others are only counted; a report lists all of them in a
+table."""
 _LEVEL = "95 % interval: "
 
 
@@ -118,8 +119,9 @@ def _explained(causes: Sequence[Cause]) -> str:
     if not others:
         return f"{spaced(first.effect)} explains {_share(first)} {whole}"
     # The others imitate a part of each cause, so the shares need not add up to the whole.
-    each = [f"without {spaced(c.effect)}, {100 * c.share_explained:.0f} %" for c in causes]
-    return _and([f"{each[0]} {whole} would return", *each[1:]])
+    each = [f"without {spaced(c.effect)}, {100 * c.share_explained:.0f} %" for c in others]
+    start = f"without {spaced(first.effect)}, {100 * first.share_explained:.0f} % {whole} would return"
+    return f"{', '.join([start, *each[:-1]])}, and {each[-1]}"
 
 
 def _and(texts: Sequence[str]) -> str:
@@ -134,10 +136,8 @@ def _names(diagnosis: Diagnosis) -> str:
 
 def _ambiguous(diagnosis: Diagnosis) -> list[str]:
     known = tuple(cause.effect for cause in diagnosis.causes)
-    possible = [called(one.effects, diagnosis) for one in ranked(diagnosis)]
-    more = len(possible) - MOST_NAMED
-    if more > 0:
-        possible = [*possible[:MOST_NAMED], f"one of {more} others" if more > 1 else "one other"]
+    first, others = headline(diagnosis)
+    possible = [called(one.effects, diagnosis) for one in first] + [f"one of {others} others"] * (others > 0)
     physics = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
     perhaps = f"perhaps {listed(possible)}"
     finding = f"something is missing from the model, and these recordings cannot decide what: {perhaps}"
@@ -145,7 +145,7 @@ def _ambiguous(diagnosis: Diagnosis) -> list[str]:
         finding = f"these recordings cannot decide whether something is missing from the model: {perhaps}"
     return [
         finding,
-        f"if {called(known, diagnosis)} {'are' if len(known) > 1 else 'is'} missing, {physics}",
+        f"if the missing {'effects are' if len(known) > 1 else 'effect is'} {called(known, diagnosis)}, {physics}",
         *(_or_nothing(cause, diagnosis) for cause in diagnosis.causes),
         _gain(diagnosis),
         *_next(diagnosis),
@@ -156,6 +156,13 @@ def ranked(diagnosis: Diagnosis) -> list[Explanation]:
     """Return the first explanation and then its alternatives, the likeliest of these first."""
     explanations = diagnosis.explanations
     return [*explanations[:1], *sorted(explanations[1:], key=lambda one: -one.probability)]
+
+
+def headline(diagnosis: Diagnosis) -> tuple[list[Explanation], int]:
+    """Return the explanations that are named, the first before its alternatives, and the number of the others."""
+    every = ranked(diagnosis)
+    others = len(every) - MOST_NAMED
+    return (every[:MOST_NAMED], others) if others > 1 else (every, 0)  # a single other one is named, too
 
 
 def called(effects: Sequence[str], diagnosis: Diagnosis) -> str:
@@ -189,7 +196,8 @@ def _or_nothing(cause: Cause, diagnosis: Diagnosis) -> str:
     strength = cause.parameters.get(_effect(cause, diagnosis).strength)
     absent = strength is not None and strength.low <= 0.0 <= strength.high
     name = spaced(cause.effect)
-    return f"{name} may also be absent, because the 95 % interval of its strength includes zero" if absent else ""
+    reason = "because the 95 % interval of its strength includes zero"
+    return f"these recordings do not prove that {name} is present, {reason}" if absent else ""
 
 
 def _partly(diagnosis: Diagnosis) -> list[str]:
@@ -274,7 +282,7 @@ def _where(diagnosis: Diagnosis) -> list[str]:
     band = next((b for b in found.frequency if b.power > HALF * sum(one.power for one in found.frequency)), None)
     region = max(found.region, key=lambda one: abs(one.mean_residual), default=None)
     best = [
-        _at_body(spaced(place.place), diagnosis)
+        at_body(spaced(place.place), diagnosis)
         for place in found.place
         if place.among_best and (place.explained or 0.0) > HALF
     ]
@@ -284,7 +292,8 @@ def _where(diagnosis: Diagnosis) -> list[str]:
         ""
         if region is None
         else f"the mean error is largest, {_size(region.mean_residual, diagnosis)}, {_in(region, diagnosis)}",
-        f"look for the cause at the {' or the '.join(best)} first, because signals there predict the mismatch best"
+        f"if the readings are sound, look for the cause at the {' or the '.join(best)} first, because signals there predict "
+        "the mismatch best"
         if best
         else "",
     ]
@@ -464,16 +473,16 @@ def _part(share: float) -> str:
 
 def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
     """Write an effect in its own words, which a user's effect also brings along."""
-    text = _at_body(_effect(cause, diagnosis).wording, diagnosis).format(
+    text = at_body(_effect(cause, diagnosis).wording, diagnosis).format(
         **{n: _with_interval(_in_percent(n, p)) for n, p in cause.parameters.items()}
     )
-    others = [f"the {_at_body(spaced(place), diagnosis)}" for place in (cause.places or ())[1:]]
+    others = [f"the {at_body(spaced(place), diagnosis)}" for place in (cause.places or ())[1:]]
     elsewhere = f" (or at {' or '.join(others)}: these recordings cannot decide)" if others else ""
     return text[0].lower() + text[1:] + elsewhere
 
 
-def _at_body(text: str, diagnosis: Diagnosis) -> str:
-    """Return a text in which the moving part is called as it is called on this rig."""
+def at_body(text: str, diagnosis: Diagnosis) -> str:
+    """Return a text in which the moving part has its name on this rig."""
     model = diagnosis.model or diagnosis.base_model
     return text if model is None else re.sub(r"\bball\b", lambda _: model.plant.rig.body, text)
 
@@ -515,8 +524,8 @@ def _next(diagnosis: Diagnosis) -> list[str]:
     mass = advised.added_mass_g
     load = "" if mass is None else f" with {number(mass)} g added to the load"
     return [
-        f"recording {number(advised.seconds)} s of the input in {advised.file}{load} would lower the probability of "
-        f"choosing a wrong explanation from {before} to {after} %",
+        f"recording the response to the {number(advised.seconds)} s of input in {advised.file}{load} would lower the "
+        f"probability of choosing a wrong explanation from {before} to {after} %",
         f"also measure {advised.measure}, because the input in {advised.file} cannot distinguish all explanations"
         if advised.undecided
         else "",

@@ -46,7 +46,7 @@ _ADVICE: Mapping[Verdict, str] = {
     Verdict.NAMED: "use the amended model, model.json, with `deatwin simulate` or `deatwin check`",
     Verdict.AMBIGUOUS: "record a longer or richer input, and diagnose all recordings together",
     Verdict.PARTLY: "use the amended model, model.json, with care, because it still lacks something",
-    Verdict.UNKNOWN: "look for a fault in the readings where the mismatch lies; if there is none, add the effect that you suspect",
+    Verdict.UNKNOWN: "check the readings for a fault at the times of the mismatch; if there is none, add the effect that you suspect",
     Verdict.DISTURBANCE: "find the source of the disturbance in the set-up; changing the model will not help",
     Verdict.DATA_FAULT: "repeat the recording, or delete its faulty rows and use --allow-gaps",
     Verdict.NOT_TESTABLE: "record a larger input, or one with more frequencies; `deatwin plan` says what an input would show",

@@ -101,7 +101,7 @@ class Reliance:
             way = "larger" if self.gain_error > 0 else "smaller"
             found.append(
                 f"the model is biased: on held-out data, the measured gain is {100 * abs(self.gain_error):.2g} ± "
-                f"{100 * self.gain_error_half_width:.2g} % {way} than the gain of the model's free run"
+                f"{100 * self.gain_error_half_width:.2g} % (95 % interval) {way} than the gain of the model's free run"
             )
         return (*found, *self.remarks)
 

@@ -38,9 +38,10 @@ class Semp(CandidateSearch):
     term. Two tests are therefore added to the published rules; ``level=0.5, significance=None``
     switches them off:
 
-    - Simulation errors are compared by a paired t test on the sums over about twenty sections of the records. Only a
-      difference significant at ``level`` counts. Of the candidates that are not significantly worse than the best, the
-      one that lowers the one-step error most is added, provided that it does not worsen the free run.
+    - Simulation errors are compared by a paired t test on the sums over about twenty sections of the records.
+      Differences that are not significant at ``level`` are ignored. Of the candidates that are not significantly worse
+      than the best, the one that lowers the one-step error most is added, provided that it does not worsen the free
+      run.
     - A term is a candidate only if it lowers the one-step error significantly (F test at ``significance`` divided by
       the number of candidates); a term is pruned when it no longer lowers this error significantly and the free run
       without it is no worse.
@@ -69,7 +70,7 @@ class Semp(CandidateSearch):
     threshold : float, optional
         Smallest SRR of an addition, as published, dimensionless; if omitted, the tests alone decide.
     level : float
-        One-sided level of the test between simulation errors, above 0; at 0.5 every difference counts.
+        One-sided level of the test between simulation errors, above 0; at 0.5 every difference is significant.
     significance : float, optional
         Probability, per step, that some false candidate is added to a true model; None switches the test off.
     max_exchanges : int

@@ -64,13 +64,16 @@ class Cascade(StateSpaceIdentifier):
     Attributes
     ----------
     model_ : NonlinearStateSpace
-        The identified model, whose directions are the signals between the blocks.
+        The identified model. Its `directions`, the weighted sums to which the static functions are applied, are the
+        signals between the blocks.
     status_ : FitStatus
         Outcome. ``DONE``: the gradient over all samples is small. ``INTERRUPTED``: Ctrl-C. ``HELD_OUT``: the held-out
         error stopped falling, so the model was deliberately not fitted to the minimum. ``NOT_CONVERGED``: a search
         reached `max_steps` or could not lower the error further.
     linear_error_, error_, held_out_error_ : ndarray, shape (1,)
-        Root mean squares of the free-run error, defined as in `Pnlss`, in the output's unit.
+        Root mean squares of the free-run error, in the output's unit. ``linear_error_`` is that of the initial linear
+        model on all samples, ``error_`` that of the final model on all samples, and ``held_out_error_`` that of the
+        model on the held-out samples before it is refitted to all samples (NaN if no samples are held out).
     first_states_ : ndarray, shape (n_recordings, n_states)
         State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
 

@@ -72,7 +72,7 @@ class Pnlss(StateSpaceIdentifier):
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
         Root mean squares of the free-run error, in the outputs' units. ``linear_error_`` is that of the initial linear
         model on all samples, ``error_`` that of the final model on all samples, and ``held_out_error_`` that of the
-        model after the first search on the held-out samples (NaN if there are none).
+        model on the held-out samples before it is refitted to all samples (NaN if no samples are held out).
     first_states_ : ndarray, shape (n_recordings, n_states)
         State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
 

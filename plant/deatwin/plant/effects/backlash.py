@@ -20,10 +20,10 @@ class Backlash(Effect):
     .. math:: u \to e = u - C_w(u - m), \qquad (t_e - t + \delta)\,\dot m = e - m
 
     :math:`C_w` limits its argument to -w and w, with corners rounded by :math:`10^{-6}w`. The transmitted command is e.
-    One state m (V), the transmitted command of the previous sample; during a sample m moves linearly and reaches e at
-    the end of the sample, at the time :math:`t_e`, with :math:`\delta = 10^{-4}` of a sample to avoid a division by
-    zero. For commands held constant within each sample, e is exactly the play operator. The state starts in the middle
-    of the clearance. Typical: gears, linkages and the stems of valves, 1 to 10 % of the stroke. Signature: a
+    The effect has one state m (V), the transmitted command of the previous sample; during a sample m moves linearly and
+    reaches e at the end of the sample, at the time :math:`t_e`, with :math:`\delta = 10^{-4}` of a sample to avoid a
+    division by zero. For commands held constant within each sample, e is exactly the play operator. The state starts in
+    the middle of the clearance. Typical: gears, linkages and the stems of valves, 1 to 10 % of the stroke. Signature: a
     rate-independent loop whose parallel sides are 2w apart along the command, whatever the size of the motion; commands
     that vary by less than 2w have no effect. `coulomb_friction` acts on the force, so the inertia of the moved part can
     carry that part across the loop; if the command sets a position, backlash and Coulomb friction look alike. A

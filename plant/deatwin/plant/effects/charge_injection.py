@@ -18,8 +18,8 @@ class ChargeInjection(Effect):
 
     .. math:: V \to V - V_q, \qquad \tau_q\dot V_q = bV - V_q
 
-    One state :math:`V_q` (V), the voltage of the space charge, zero at first. Typical: b = 0.01 to 0.1, 10 to
-    :math:`10^4` s. Signature: after a step of the film voltage V, the force falls to :math:`(1-b)^2` of its first
+    The effect has one state :math:`V_q` (V), the voltage of the space charge, zero at first. Typical: b = 0.01 to 0.1,
+    10 to :math:`10^4` s. Signature: after a step of the film voltage V, the force falls to :math:`(1-b)^2` of its first
     value, whereas `dielectric_absorption` and `creep` make the motion grow; when V returns to 0, the remaining charge
     still causes a force proportional to :math:`(bV)^2`; after a reversal of polarity, the force starts at
     :math:`(1+b)^2` of the ideal force. The response is therefore not even in the present voltage, but it is unchanged

@@ -26,12 +26,12 @@ class ElectrodeRC(Effect):
     .. math:: \tau\dot\chi = V_a - V, \qquad V = \chi/c, \qquad c = 1 + s\,\Bigl(\frac{C(q)}{C_0} - 1\Bigr), \qquad
               s = \frac{C_0}{C_0 + C_p}
 
-    One state :math:`\chi` (V), the charge divided by :math:`C_0 + C_p`. A part of the electrode that loses contact
-    (`electrode_loss`) takes along its share of C(q) and of the charge, so that the voltage does not jump. Fresh carbon
-    grease gives 0.1 ms or less; dried grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms. Signature: the
-    lag acts before the film squares the voltage, so harmonics are attenuated; the phase lag grows with frequency and,
-    since C(q) grows threefold up to 3 kV, with the voltage. A `delay` attenuates no harmonics and does not depend on
-    the voltage. The effect is off at :math:`\tau = 0`, where :math:`V = V_a`.
+    The effect has one state :math:`\chi` (V), the charge divided by :math:`C_0 + C_p`. A part of the electrode that
+    loses contact (`electrode_loss`) takes along its share of C(q) and of the charge, so that the voltage does not jump.
+    Fresh carbon grease gives 0.1 ms or less; dried grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms.
+    Signature: the lag acts before the film squares the voltage, so harmonics are attenuated; the phase lag grows with
+    frequency and, since C(q) grows threefold up to 3 kV, with the voltage. A `delay` attenuates no harmonics and does
+    not depend on the voltage. The effect is off at :math:`\tau = 0`, where :math:`V = V_a`.
 
     Parameters
     ----------

@@ -44,7 +44,9 @@ class PermittivityDrift(Effect):
     place: ClassVar[Place] = Place.PARAMETER
     signal: ClassVar[str] = "permittivity"
     strength: ClassVar[str] = "relative_change"
-    wording: ClassVar[str] = "The permittivity drifts by {relative_change} with a time constant of {time}"
+    wording: ClassVar[str] = (
+        "The permittivity drifts towards a final change of {relative_change} with a time constant of {time}"
+    )
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

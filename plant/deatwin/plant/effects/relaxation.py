@@ -25,16 +25,16 @@ class Relaxation(Effect):
 
     .. math:: F \to F - k_r\,(y - \xi), \qquad \tau_r\,\dot\xi = y - \xi
 
-    F is the force on the moving body and y its displacement. One state :math:`\xi` (m), the displacement of the damper;
-    at rest :math:`\xi = y`. A plant with a spring k then is the standard linear solid, whose stiffness is k for slow
-    and :math:`k + k_r` for fast motion. In other plants y is the quantity that corresponds to a displacement. The
-    branch is then a store that fills and empties through a resistance, such as the heat capacity of furniture in a
-    room, or slow diffusion in a battery. Typical: :math:`k_r` of 10 to 50 % of k for rubbers and silicones, over times
-    far longer than the motion. Signature: after each step the motion continues slowly, in proportion to the step, and
-    later recovers; the gain is higher for slow than for fast commands; the loop is widest at a period of
-    :math:`2\pi\tau_r`, whereas the loop of `hysteresis` keeps its width. A `sensor_drift` does not follow the command.
-    If :math:`\tau_r` is far below the period of the motion, the branch acts as a damper of :math:`k_r\tau_r`. For
-    films, see `creep`. The effect is off at :math:`k_r = 0`.
+    F is the force on the moving body and y its displacement. The effect has one state :math:`\xi` (m), the displacement
+    of the damper; at rest :math:`\xi = y`. A plant with a spring k then is the standard linear solid, whose stiffness
+    is k for slow and :math:`k + k_r` for fast motion. In other plants y is the quantity that corresponds to a
+    displacement. The branch is then a store that fills and empties through a resistance, such as the heat capacity of
+    furniture in a room, or slow diffusion in a battery. Typical: :math:`k_r` of 10 to 50 % of k for rubbers and
+    silicones, over times far longer than the motion. Signature: after each step the motion continues slowly, in
+    proportion to the step, and later recovers; the gain is higher for slow than for fast commands; the loop is widest
+    at a period of :math:`2\pi\tau_r`, whereas the loop of `hysteresis` keeps its width. A `sensor_drift` does not
+    follow the command. If :math:`\tau_r` is far below the period of the motion, the branch acts as a damper of
+    :math:`k_r\tau_r`. For films, see `creep`. The effect is off at :math:`k_r = 0`.
 
     Parameters
     ----------

@@ -22,13 +22,14 @@ class Resonance(Effect):
     .. math:: m_2\ddot x_2 = -F, \qquad F = m_2\omega^2(x_2 - y) + 2\zeta m_2\omega(\dot x_2 - \dot y), \qquad
               \omega = 2\pi f
 
-    F acts on the ball, whose displacement is y. Two states: :math:`x_2` (m), the displacement of the mass from rest,
-    and the velocity of the mass (m/s). The mass adds inertia but no weight, because the vibrating structure carries its
-    weight. Typical: a mode of film, frame or holder, with 1 to 20 % of the ball's mass and a damping ratio of 0.01 to
-    0.1. Signature: a narrow peak next to a dip in the frequency response. Both stay at their frequencies when the
-    voltage lowers the ball's natural frequency, which is 16 Hz at 0 V. Unlike a `periodic_disturbance`, the peak needs
-    excitation. Far below f, the effect is that of an added mass. Modes above half the sampling rate do not appear at
-    their own frequency: with 50 samples a second the range of f ends at 24 Hz. The effect is off at :math:`m_2 = 0`.
+    F acts on the ball, whose displacement is y. The effect has two states: :math:`x_2` (m), the displacement of the
+    mass from rest, and the velocity of the mass (m/s). The mass adds inertia but no weight, because the vibrating
+    structure carries its weight. Typical: a mode of film, frame or holder, with 1 to 20 % of the ball's mass and a
+    damping ratio of 0.01 to 0.1. Signature: a narrow peak next to a dip in the frequency response. Both stay at their
+    frequencies when the voltage lowers the ball's natural frequency, which is 16 Hz at 0 V. Unlike a
+    `periodic_disturbance`, the peak needs excitation. Far below f, the effect is that of an added mass. Modes above
+    half the sampling rate do not appear at their own frequency: with 50 samples a second the range of f ends at 24 Hz.
+    The effect is off at :math:`m_2 = 0`.
 
     Parameters
     ----------

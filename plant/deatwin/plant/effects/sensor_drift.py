@@ -24,7 +24,7 @@ def _drifting(what: str, place: Place, signal: str, family: Family, strength: Pa
         strength=strength,
         order=order,
         alone=Alone.AS_ANOTHER,
-        wording=f"The {what} drifts by {{change}} with a time constant of {{time}}",
+        wording=f"The {what} drifts towards a final change of {{change}} with a time constant of {{time}}",
         title=f"drift of the {what}",
     )
 
@@ -78,7 +78,9 @@ class SensorDrift(Effect):
             "command_gain": _drifting("amplifier's gain", Place.DRIVE, "command", Family.ELECTRICAL, GAIN),
         }
     )
-    wording: ClassVar[str] = "The sensor's zero drifts by {change} with a time constant of {time}"
+    wording: ClassVar[str] = (
+        "The sensor's zero drifts towards a final change of {change} with a time constant of {time}"
+    )
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

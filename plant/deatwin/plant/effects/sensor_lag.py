@@ -20,12 +20,12 @@ class SensorLag(Effect):
 
     .. math:: r\,\tau_s^2\ddot y + \tau_s\dot y + y = x
 
-    x is the motion. Two states (m): y, the lagged reading, and :math:`\tau_s\dot y`. r = 0 is a first-order lag, r =
-    1/4 two equal lags in series, r = 1/2 a Butterworth filter; with a larger r the sensor rings. Typical: 0.1 to 20 ms
-    of averaging. Signature: like a `delay` with a roll-off above :math:`1/(2\pi\tau_s)`, but the lag acts after all
-    nonlinearities, so that each harmonic lags according to its own frequency; the ball's ringing is damped in the
-    reading only. The effect is off at :math:`\tau_s = 0`, where y = x. On a rig without a film, `placed` moves the lag
-    to the ``command``; on a rig with a film, use `electrode_rc` instead.
+    x is the motion. The effect has two states (m): y, the lagged reading, and :math:`\tau_s\dot y`. r = 0 is a
+    first-order lag, r = 1/4 two equal lags in series, r = 1/2 a Butterworth filter; with a larger r the sensor rings.
+    Typical: 0.1 to 20 ms of averaging. Signature: like a `delay` with a roll-off above :math:`1/(2\pi\tau_s)`, but the
+    lag acts after all nonlinearities, so that each harmonic lags according to its own frequency; the ball's ringing is
+    damped in the reading only. The effect is off at :math:`\tau_s = 0`, where y = x. On a rig without a film, `placed`
+    moves the lag to the ``command``; on a rig with a film, use `electrode_rc` instead.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ def share_above_band(commands: ArrayLike, sample_time: float, band: float) -> fl
     sample_time : float
         Time between two samples, s.
     band : float
-        Frequency above which power counts, Hz.
+        Frequency above which the power is summed, Hz.
 
     Returns
     -------

@@ -60,7 +60,7 @@ class ParameterDrift(Effect):
     def wording(self) -> str:  # type: ignore[override]
         """Sentence of a verdict."""
         words = self.parameter.replace("_", " ").replace("{", "{{").replace("}", "}}")
-        return f"The parameter {words} drifts by {{relative_change}} with a time constant of {{time}}"
+        return f"The parameter {words} drifts towards a final change of {{relative_change}} with a time constant of {{time}}"
 
     @property
     def shapes(self) -> tuple[str, ...]:

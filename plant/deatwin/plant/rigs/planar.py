@@ -151,7 +151,7 @@ class BlockedPlanar(Rig):
     thickness, length, width : float
         Dimensions before stretching, m.
     prestretch, side_prestretch : float
-        Stretch between the bars, and across them; both are held.
+        Stretch in the direction from bar to bar, and perpendicular to it; both are held constant.
     gain : float
         Film volts per command volt.
     sample_time, noise, reading, model_error, command_range, chain, further, supply

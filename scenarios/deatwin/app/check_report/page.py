@@ -19,6 +19,7 @@ from deatwin.app.check_report.figures import (
 from deatwin.app.check_report.view import View
 from deatwin.control import Check, PidGains, Verdict
 from deatwin.control.checking.amounts import amount
+from deatwin.control.checking.rows import BAND
 from deatwin.control.checking.specification import Limit
 from deatwin.control.checking.verdict import Finding
 from deatwin.plant.amplitudes import written_amplitude
@@ -123,7 +124,7 @@ def _split(subject: str, view: View) -> tuple[str, str]:
 
 def _whose(source: str, view: View) -> str:
     label = view.looks[source].label
-    return f"the {label}" if source.split(" ")[0] in ("model", "plant") else label
+    return f"the {label}" if re.split("[ ,]", source)[0] in ("model", "plant") else label
 
 
 def _row(finding: Finding, subject: str, kind: _Kind, view: View) -> Row:
@@ -224,6 +225,7 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
         groups=groups(view),
         figures={drawing.name: drawing for drawing in drawn},
         here=_margins_here(view),
+        linearised=any(row.source == BAND for row in check.table),
         caveats=[_capital(text) for text in check.caveats],
         gains=written_gains(check),
         controller=check.controller,
@@ -300,12 +302,12 @@ def _tiles(view: View) -> list[Tile]:
 
 
 def _margins_here(view: View) -> list[tuple[str, ...]]:
-    """Return the rows of margins at the operating point: of the model, of its draws, and linearised."""
+    """Return the rows of margins at the operating point: of the model, of its draws and, if known, linearised."""
     check = view.check
     if check.controller is None or check.margins is None:
         return []
     own, spec, h = check.margins, view.specification, check.operating.sample_time
-    first = next((row for row in check.table if row.source.startswith("model ")), None)
+    lows = [own, *(row for row in check.table if row.source == BAND)]
     kinds = (
         ("gain", "gain", "gain_low", spec.gain, 1.0, ""),
         ("phase", "phase_deg", "phase_low_deg", spec.phase_deg, 1.0, "°"),
@@ -316,8 +318,7 @@ def _margins_here(view: View) -> list[tuple[str, ...]]:
         (
             name,
             _written(getattr(own, field) / scale, unit),
-            _written(getattr(own, low) / scale, unit),
-            "–" if first is None else _written(getattr(first, low) / scale, unit),
+            *(_written(getattr(row, low) / scale, unit) for row in lows),
             _written(limit.good, unit),
             _written(limit.poor, unit),
         )

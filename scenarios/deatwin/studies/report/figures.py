@@ -125,7 +125,10 @@ def _residual(view: _View, further: str = "") -> Drawing:
         svg = inline(figure, name, title)
     caption = f"Measured minus simulated {which}. Grey marks held-out data, to which nothing was fitted."
     if any("mismatch" in text for text in handles[1]):
-        caption += " Ochre marks the times of the mismatch, and the numbers are their shares of the mismatch."
+        caption += (
+            " Ochre marks the intervals in which the residual exceeds sensor noise and model error. Each number is the share "
+            "of the mismatch in an interval, and a larger share is shaded more darkly."
+        )
     data = f"figures/time_{further}.csv" if further else "figures/time.csv"
     return Drawing(name=name, title=title, caption=caption, svg=svg, data=data)
 

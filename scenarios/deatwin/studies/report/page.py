@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.certainty import how_sure, next_step, percent
-from deatwin.ident.mismatch.say import called, ranked, unit_of
+from deatwin.ident.mismatch.say import at_body, called, ranked, unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.figures import LEAST_SHARE, drawings
@@ -49,6 +49,8 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         causes=_causes(diagnosis),
         candidates=_candidates(diagnosis),
         located=_located(diagnosis.location),
+        places=_places(diagnosis),
+        at_body=lambda place: at_body(place, diagnosis),
         units=_signal_units(diagnosis),
     )
 
@@ -79,6 +81,30 @@ def _located(found: LocationSummary | None) -> LocationSummary | None:
         response=(found.response or ())[:MOST_LINES],
         region=tuple(sorted(found.region, key=lambda r: -abs(r.mean_residual)))[:MOST_LINES],
     )
+
+
+def _places(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Return the rows of places with the shares that effects explain and signals predict, the largest share first."""
+    places = diagnosis.location.place if diagnosis.location else ()
+    rows = []
+    for place in places:
+        name = at_body(": ".join(filter(None, (place.place, place.signal))).replace("_", " "), diagnosis)
+        shares = {"signals": place.explained}
+        if place.explained is None or _has_effect(place.place, diagnosis):
+            shares = {"effect": place.score, **shares}
+        known = {what: max(share, 0.0) for what, share in shares.items() if share is not None}
+        rows.append(
+            (max(known.values()), name, ", ".join(f"{what}: {100 * share:.0f} %" for what, share in known.items()))
+        )
+    return [(name, shares) for _, name, shares in sorted(rows, key=lambda row: -row[0])]
+
+
+def _has_effect(place: str, diagnosis: Diagnosis) -> bool:
+    """Return whether an effect at a place was tried alone."""
+    if diagnosis.findings is None:
+        return True
+    alone = {one.effects[0] for one in diagnosis.candidates if len(one.effects) == 1}
+    return any(effect.name in alone for effect in diagnosis.findings.problem.everywhere if effect.place.value == place)
 
 
 def _signal_units(diagnosis: Diagnosis) -> dict[str, str]:

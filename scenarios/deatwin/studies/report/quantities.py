@@ -34,11 +34,11 @@ def three_digits(value: float | None) -> str:
 def likely(probability: float) -> str:
     """Write a cause's probability; the highest one that a diagnosis states is marked as such.
 
-    >>> likely(0.388), likely(0.95)
-    ('39 %', '95 % (maximum)')
+    >>> likely(0.388), likely(0.947), likely(0.95)
+    ('39 %', '95 % (maximum)', '95 % (maximum)')
     """
-    most = 1.0 - MARGIN
-    return f"{percent(most)} (maximum)" if probability > most - 0.0005 else percent(probability)
+    shown = percent(probability)
+    return f"{shown} (maximum)" if shown == percent(1.0 - MARGIN) else shown
 
 
 def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str, str]:

@@ -28,7 +28,9 @@ def test_failed_tests_and_bias_stand_in_the_sentence_and_come_back_from_the_file
         "The residual of the model still depends on the input, and the uncertainty bands do not include this error: the model "
         "failed one residual test on held-out data (ue, where e is the residual and u the input)." in found.sentence
     )
-    assert "The model is biased: on held-out data, the measured gain is 12 ± 3 % larger" in found.sentence
+    assert (
+        "The model is biased: on held-out data, the measured gain is 12 ± 3 % (95 % interval) larger" in found.sentence
+    )
     found.save(tmp_path / "check.json")
     assert Check.load(tmp_path / "check.json").sentence == found.sentence
 

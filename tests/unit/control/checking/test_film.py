@@ -59,7 +59,12 @@ def test_plants_are_counted(gap):
     found = judge_film("plant", softer, steps_to(0.3), controller(0.32))
     assert found.verdict is Verdict.FAIL
     assert found.value == 2.0
-    assert found.text.startswith("the film in 2 of 3 simulated actuators")
+    assert found.text.startswith(
+        "in 2 of 3 simulated actuators (parameters within the calibration's intervals), the film "
+    )
+    found = judge_film("plant", [gap, gap], steps_to(0.3), controller(0.36))
+    assert found.text.startswith("in none of 2 simulated actuators")
+    assert ") does the film pull in, break down or lose tension, even if " in found.text
     found = judge_film("plant", [gap, gap, softer[1]], steps_to(0.25), controller(0.36))
     assert (found.verdict, found.value) == (Verdict.MARGINAL, 1.0)
 

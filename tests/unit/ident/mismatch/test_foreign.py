@@ -78,4 +78,4 @@ def test_a_parameter_that_drifts_is_named() -> None:
     _, nominal = plants(varying=("constant",))
     found = diagnose(nominal, made)
     assert [cause.effect for cause in found.causes] == [drift.name]
-    assert "The parameter constant drifts by" in found.sentence
+    assert "The parameter constant drifts towards a final change of" in found.sentence

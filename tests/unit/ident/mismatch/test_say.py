@@ -321,7 +321,31 @@ def test_after_the_answer_the_likeliest_alternative_is_stated_first():
     weighed = (("creep", 0.3), ("delay", 0.02), ("sensor_drift", 0.4), ("electrode_loss", 0.1))
     made = tuple(Explanation(effects=(name,), probability=share) for name, share in weighed)
     said = how_sure(replace(DIAGNOSES["ambiguous"], explanations=made))
+    assert said == "creep is 30 % likely, sensor drift 40 %, electrode loss 10 %, delay 2 %, and any other cause 18 %"
+    fifth = Explanation(effects=("leakage",), probability=0.02)
+    said = how_sure(replace(DIAGNOSES["ambiguous"], explanations=(*made, fifth)))
     assert said == "creep is 30 % likely, sensor drift 40 %, electrode loss 10 %, and any other cause 20 %"
+
+
+def test_probabilities_as_shown_add_up_to_one():
+    weighed = ("creep", 0.386), ("sensor_drift", 0.318), ("delay", 0.166)  # the rest, 13.0 %, would make it 101 %
+    made = tuple(Explanation(effects=(name,), probability=share) for name, share in weighed)
+    said = how_sure(replace(DIAGNOSES["ambiguous"], explanations=made))
+    assert said == "creep is 39 % likely, sensor drift 32 %, delay 17 %, and any other cause 12 %"
+    named = replace(DIAGNOSES["named"], explanations=(Explanation(effects=("creep",), probability=0.925),))
+    assert [int(share) for share in re.findall(r"(\d+) %", how_sure(named))] == [92, 3, 5]
+
+
+def test_the_place_to_suspect_and_the_share_of_the_best_effect_or_signal_agree():
+    """An effect at the ball explains more than one at the drive, but the signals at the drive predict most."""
+    places = (
+        PlaceSummary(place="ball", score=0.51, explained=0.44, among_best=False),
+        PlaceSummary(place="drive", score=0.0, explained=0.662, among_best=True),
+    )
+    detected = replace(DETECTED, p_value=None)
+    found = replace(DIAGNOSES["unknown"], detection=detected, location=replace(LOCATED, place=places))
+    assert "look for the cause at the drive first" in say(found)
+    assert how_sure(found) == "the best single effect or signal accounts for 66 % of the mismatch"
 
 
 def test_no_exponent_and_one_fact_in_each_sentence():
@@ -333,7 +357,7 @@ def test_no_exponent_and_one_fact_in_each_sentence():
             assert one[0].isupper() or one[0].isdigit(), one
 
 
-def test_a_headline_names_three_explanations_and_counts_the_others():
+def test_a_headline_names_three_explanations_and_counts_the_others_unless_there_is_one():
     weighed = (("creep",), 0.3), (("delay",), 0.02), (("sensor_drift",), 0.4), (("electrode_loss",), 0.1), ((), 0.01)
     made = tuple(Explanation(effects=effects, probability=share) for effects, share in weighed)
     found = replace(DIAGNOSES["ambiguous"], explanations=made, rivals=tuple(effects for effects, _ in weighed[1:]))
@@ -342,7 +366,7 @@ def test_a_headline_names_three_explanations_and_counts_the_others():
     assert foreign_numbers(replace(found, sentence=say(found)).to_dict()) == []
     assert "what: perhaps creep, sensor drift, or delay. " in say(replace(found, explanations=made[:3]))
     four = replace(found, explanations=made[:4])
-    assert "what: perhaps creep, sensor drift, electrode loss, or one other. " in say(four)
+    assert "what: perhaps creep, sensor drift, electrode loss, or delay. " in say(four)
 
 
 def test_what_an_input_leaves_open_is_said_with_what_to_measure():
@@ -458,7 +482,7 @@ def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
 def test_a_small_share_is_said_to_be_small():
     assert "only 3 % of the mismatch" in DIAGNOSES["named, weakly"].sentence
     said = (
-        "Without creep, 97 % of the mismatch between model and recordings would return and without sensor jump, 21 %."
+        "Without creep, 97 % of the mismatch between model and recordings would return, and without sensor jump, 21 %."
     )
     assert said in DIAGNOSES["two causes"].sentence
 
@@ -471,8 +495,8 @@ def test_a_refuted_explanation_and_a_free_form_are_no_causes():
 def test_an_unknown_mismatch_is_said_to_lie_where_and_what_to_suspect():
     assert (
         "(sensor noise: 2.0 µm rms). The mismatch is spread over the recordings. Most of the power of the mismatch is below "
-        "1.4 Hz. The mean error is largest, -6.7 µm, from 0.520 to 58.3 s after the command last rested. Look for the cause at "
-        "the film first, because signals there predict the mismatch best."
+        "1.4 Hz. The mean error is largest, -6.7 µm, from 0.520 to 58.3 s after the command last rested. If the readings are "
+        "sound, look for the cause at the film first, because signals there predict the mismatch best."
     ) in DIAGNOSES["unknown, located"].sentence
     assert (
         " 90 % of the mismatch between model and recordings lies between 118 and 240 s."
@@ -566,7 +590,9 @@ def test_every_number_of_a_real_diagnosis_is_a_field():
 def test_an_explanation_that_may_be_absent_is_said_to_be(low: float, said: bool) -> None:
     weak = replace(CREEP, parameters={**CREEP.parameters, "modulus": replace(CREEP.parameters["modulus"], low=low)})
     sentence = made_up(Verdict.AMBIGUOUS, weak).sentence
-    absent = "Creep may also be absent, because the 95 % interval of its strength includes zero."
+    absent = (
+        "These recordings do not prove that creep is present, because the 95 % interval of its strength includes zero."
+    )
     assert (absent in sentence) is said
 
 
@@ -601,10 +627,12 @@ def test_the_parameters_that_changed_by_the_largest_factors_are_named() -> None:
 
 def test_an_experiment_with_another_load_stands_alone() -> None:
     advised = replace(DIAGNOSES["ambiguous"], advice=ADVICE)
-    assert next_step(advised) == "record the input in next_input.csv, and diagnose all recordings together"
+    assert next_step(advised) == (
+        "apply the input in next_input.csv, record the response, and diagnose all recordings together"
+    )
     heavier = next_step(DIAGNOSES["ambiguous, heavier"])
     assert heavier.startswith(
-        "add 4.50 g to the load, state the new mass in the rig file, record the input in next_input.csv"
+        "add 4.50 g to the load, state the new mass in the rig file, apply the input in next_input.csv, record the response"
     )
     assert heavier.endswith(", and diagnose this recording alone")
 

@@ -70,8 +70,8 @@ def plan_experiment(
         The input; its readings are ignored. Without it, several waveforms are tried, and the one with the least
         confusion among the effects is chosen.
     effects : sequence of Effect, optional
-        Effects that may be missing; by default all that the rig offers. Effects of the catalogue are scaled as in
-        `diagnose`. Effects that the rig does not accept are skipped.
+        Effects that may be missing; by default all that the rig offers. The typical strengths of catalogue effects are
+        adapted to the rig, as in `diagnose`. Effects that the rig does not accept are skipped.
     seconds : float, optional
         Length of the suggested input, s; by default 3000 samples.
     jobs : int

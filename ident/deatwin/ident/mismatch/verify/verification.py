@@ -42,8 +42,9 @@ class Verification(Described):
     gain_low : float
         Lower 95 % bound of the decrease on held-out data.
     counts : bool
-        True if the error certainly decreases over all data and, on held-out data, decreases by more than the model
-        error and by most of the excess over noise.
+        True if the explanation is accepted even without a positive `gain_low`: over all data the error certainly
+        decreases, and on held-out data the mean square error decreases by more than the square of the model error and
+        by more than half of its excess over noise.
     ablations : tuple of Ablation
         For each effect, the result when this effect is removed and the rest is refitted.
     shams : tuple of Placebo

@@ -129,8 +129,8 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
     it lies later, the factor brings it as near to 15 samples as a whole factor can. The factor is smaller if a period
     of the highest frequency in the output would otherwise keep fewer than 10 samples.
 
-    A minimum counts if the function rises significantly after it. If neither function has such a minimum, as with a
-    first-order plant or a short record, the lag at which the linear autocorrelation enters its 95 % band about zero
+    A minimum is accepted if the function rises significantly after it. If neither function has such a minimum, as with
+    a first-order plant or a short record, the lag at which the linear autocorrelation enters its 95 % band about zero
     takes the place of the minimum.
 
     Parameters
