@@ -36,9 +36,10 @@ def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None 
     `sklearn.base.clone` and `sklearn.utils.get_tags` work, and ``score`` ranks fits in a search over recordings.
     ``fit`` returns the estimator, leaves arguments and recordings as they are, and gives learned attributes names that
     end in ``_``, among them ``model_`` and ``status_``. A second fit does not depend on the first, and equal data give
-    identical files. Of several recordings, given as a list or as experiments, each is fitted from its own first samples. An
-    output that is zero throughout is refused. ``predict`` and ``simulate`` return outputs of the recording's shape.
-    Progress is reported, and an interrupt either reaches the caller or leaves a model and a status that says so.
+    identical files. Several recordings, given as a list or as experiments, are not joined: each starts from its own
+    first samples. An output that is zero throughout is refused. ``predict`` and ``simulate`` return outputs of
+    the recording's shape. Progress is reported, and an interrupt either reaches the caller or leaves a model and a
+    status that says so.
 
     Parameters
     ----------

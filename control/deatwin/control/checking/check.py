@@ -137,9 +137,9 @@ def check(
         training data.
     ControlError
         If an argument has the wrong type, or the command limits are invalid; if the controller is invalid, has another
-        sampling time, or has so long a closed-loop time that the runs would take too long; if `design` returns no
-        controller, or the controller's `local` no law; or if either raises an exception that is not deatwin's (that
-        exception is chained).
+        sampling time, or has so long a closed-loop time that the runs would take too long; if `design` does not return
+        a controller, or the controller's `local` does not return a law; or if one of these two functions raises an
+        exception that is not deatwin's (it is chained).
     """
     if controller is not None:
         require_controller(controller, model)

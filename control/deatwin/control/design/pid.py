@@ -58,7 +58,7 @@ class PidGains:
 
     @classmethod
     def of_law(cls, law: Law, sample_time: float) -> PidGains | None:
-        """Return the gains of a `law` that `PidGains.law` made at `sample_time`, s, even if scaled; None for others."""
+        """Return the gains of a `law`, scaled or not, that `PidGains.law` made at `sample_time`, s; else None."""
         if law.c.size not in (1, 2) or law.a[0, 0] != 1.0 or not law.c[0]:
             return None
         step = float(law.b[0, REFERENCE] * law.c[0])

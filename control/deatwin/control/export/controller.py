@@ -34,7 +34,7 @@ def controller_source(
     name : str
         Prefix of all names in the source.
     input_unit, output_unit : str
-        Units of the actuator's command, and of reference and reading.
+        Unit of the actuator's command; unit of reference and reading.
 
     Returns
     -------

@@ -78,7 +78,7 @@ class Frd(Described):
 
     @property
     def gain_deviation(self) -> Array:
-        """Standard deviation of the gain, shape (n,), in the response's unit; where the gain is 0, of the real part."""
+        """Standard deviation of the gain, shape (n,), in the response's unit; of the real part where the gain is 0."""
         gain = np.abs(self.values)
         direction = np.where(gain == 0.0, 1.0, self.values / np.where(gain == 0.0, 1.0, gain))
         parts = np.stack([direction.real, direction.imag], axis=-1)

@@ -250,7 +250,7 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     operating_inputs : array_like, shape (n_points,)
         Constant inputs, in their unit.
     thetas : array_like, shape (n_samples, n_terms), optional
-        Parameter samples, such as `ThetaPosterior.sample` draws; the model's own parameters alone by default.
+        Parameter samples, for example drawn by `ThetaPosterior.sample`; by default only the model's own parameters.
 
     Raises
     ------

@@ -97,7 +97,7 @@ class LinearModel(Described):
         Names and units of the signals.
     realisation : Realisation, optional
         State-space matrices. If they are given, poles, gain and responses are computed from them, and the coefficients
-        are their transfer function with rounding errors. The matrices have no covariance.
+        are the transfer function of these matrices, with rounding errors. The matrices have no covariance.
 
     Raises
     ------
@@ -220,7 +220,7 @@ class LinearModel(Described):
         raise ModelError(f"{self.status.value}" + (f" ({self.detail})" if self.detail else ""))
 
     def require_in_loop(self) -> Self:
-        """Return this model; ControlError if it responds to a command in the same sample, as no loop with a delay does."""
+        """Return this model; ControlError if it responds to a command in the same sample: a loop has a delay."""
         if self.require().numerator[0] != 0.0:
             raise ControlError(
                 "the model responds to a command in the same sample: design on the model with the delay of the loop, "

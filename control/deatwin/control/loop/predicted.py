@@ -113,8 +113,8 @@ class PredictedLoop(Described):
     def inside(self, run: ClosedLoop) -> float:
         """Return the share of a run's samples that lie inside the band.
 
-        With a step reference, only samples from the first step on count: before it the run still depends on the state
-        in which the actuator's start left it, which a prediction from rest cannot know.
+        With a step reference, only samples from the first step on count: earlier samples depend on the actuator's start
+        procedure, which a prediction from rest does not contain.
 
         Parameters
         ----------

@@ -53,8 +53,8 @@ class UncertainMargin:
         delay; 0 if nothing bounds the margin.
     low : float
         Lower confidence limit, to first order: at a level of 95 %, the margin exceeds it with a probability of 97.5 %.
-        If there are several crossings, the smallest of their limits. At least the value at the edge of stability, which
-        is 1 for the gain margin and 0 for the others.
+        With several crossings, it is the smallest of their limits. It is never below the value at the edge of
+        stability, which is 1 for the gain margin and 0 for the others.
     """
 
     value: float = field(metadata=variable(about="margin of the model itself"))

@@ -25,8 +25,8 @@ class Margins:
     Parameters
     ----------
     gain : ndarray, shape (...)
-        Gain margin, a factor above 1: the smallest one by which multiplying or dividing the loop gain makes the closed
-        loop unstable. Infinite without a phase crossing.
+        Gain margin: the smallest factor above 1 such that multiplying or dividing the loop gain by this factor makes
+        the closed loop unstable. Infinite without a phase crossing.
     phase_deg : ndarray, shape (...)
         Phase margin, degrees: least change of phase that brings a gain crossing to -180°; infinite without a gain
         crossing.

@@ -79,7 +79,7 @@ def gfrf(
 
     Examples
     --------
-    Two constant inputs (frequency 0) of a model with y = 2 u^2 at rest:
+    The model has y = 2 u^2 at rest, so H_2 is 2 if both frequencies are 0:
 
     >>> model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)^2": 1.0}, sample_time=0.1)
     >>> gfrf(model, 2, [[0.0, 0.0]]).gain

@@ -125,8 +125,8 @@ class FrequencyResponse(Described, Frozen):
     theta_dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     inputs : tuple of str
-        Names of the inputs that carry the frequencies of H_n, or to whose powers G_n and Y_n are proportional; empty
-        for a model of one input.
+        Names of n inputs, one for each frequency of H_n, or one for each factor of the product of inputs to which G_n
+        or Y_n belongs; empty for a model of one input.
     """
 
     symbol: str = field(metadata=attribute())
@@ -205,14 +205,14 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def gain_deviation(self) -> Array:
-        """Standard deviation of the gain, shape (n_values,): that of the ellipse in the direction of the value."""
+        """Standard deviation of the gain, shape (n_values,): that of the covariance ellipse towards the value."""
         return self._deviation(self._direction)
 
     @property
     def phase_deviation_deg(self) -> Array:
         """Standard deviation of the phase, degrees, shape (n_values,): perpendicular to the value, divided by the gain.
 
-        It holds to first order, like that of the gain; it is infinite if the gain is zero and uncertain.
+        Like `gain_deviation`, it holds to first order. It is infinite if the gain is zero and uncertain.
         """
         across = self._deviation(1j * self._direction)
         ratio = np.full(across.shape, np.inf)

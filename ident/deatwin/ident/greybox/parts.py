@@ -85,7 +85,7 @@ class Part:
         return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])
 
     def counted(self, timeline: Timeline) -> np.ndarray:
-        """Return the indices (n,) of the samples of `timeline` that end with the selected readings."""
+        """Return the indices (n,) of the samples of `timeline` at whose ends the selected readings are taken."""
         return np.concatenate([r[m] for r, m in zip(timeline.readings, self.masks, strict=True)])
 
     @property

@@ -51,8 +51,8 @@ class CalibratedMaterial:
         Covariance of the transformed parameters: those of the energy (`Scale`), then the logarithms of all moduli and
         of all times.
     noise : Noise
-        Errors of the tests: ``absolute`` in Pa and ``relative``, of stresses and of moduli, and the ``scatter`` of
-        specimens.
+        Errors of the tests: ``absolute`` (Pa) and ``relative``, each with one value for each kind of data (stresses,
+        moduli), and the relative ``scatter`` between specimens.
     choices : tuple of Choice
         Energies and numbers of branches that were tried: ``energy``, ``branches``, and ``behind``, the log odds of the
         most probable choice over this choice.

@@ -219,7 +219,7 @@ class Diagnosis(Described):
         return data
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the residual before and after over time, the held-out part shaded, with the verdict as the title.
+        """Draw residuals of base and amended plant over time, the held-out part shaded, with the verdict as title.
 
         Parameters
         ----------

@@ -112,9 +112,10 @@ class Unexplained:
     fitted, unseen : float
         Rms residual beyond the noise with the causes, on fitted and on held-out data, in the unit of the diagnosis.
     time : Window or None
-        Stretch of time that contains most of the remaining mismatch; None if the remaining mismatch is evenly spread.
+        Stretch of time with the largest share of the remaining mismatch; None if the mismatch extends over nearly the
+        whole time.
     frequency : Band or None
-        Frequency band that contains most of the remaining mismatch.
+        Frequency band with the most power of the remaining mismatch.
     region : Region or None
         Range of an operating signal in which the mean of the remaining mismatch is largest.
     place : str or None

@@ -123,7 +123,7 @@ class OriginSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionSummary:
-    """Summary of the test for missing physics and of the smallest detectable effects, in the unit of the diagnosis.
+    """Summary of the test for missing physics and of the smallest detectable effects; unit as in `Diagnosis.output`.
 
     Parameters
     ----------
@@ -134,9 +134,9 @@ class DetectionSummary:
     practical : float or None
         Smallest excess that counts as missing physics, rms.
     taken_up : bool or None
-        True if the plant leaves no mismatch once all data are fitted.
+        True if a fit of the plant to all data leaves no mismatch.
     moved : float or None
-        Rms change of the readings that the commands cause.
+        Rms change that the commands cause in the readings.
     smallest_detectable : mapping of str to float or None
         Rms change of the readings at which each effect is detected; None if a refit of the parameters absorbs it.
     statistics : tuple of Statistic or None
@@ -361,7 +361,7 @@ class UnseenErrors(Errors):
 
 @dataclass(frozen=True, kw_only=True)
 class FitSummary:
-    """Residuals of the calibrated and of the amended plant in the first reading.
+    """Residuals of the first reading, for the calibrated base plant and for the amended plant.
 
     Parameters
     ----------

@@ -49,9 +49,9 @@ def nofrf(
     """Estimate nonlinear output frequency responses by least squares over levels of an excitation.
 
     The output's spectrum in the steady state is Y = G_1 U_1 + G_2 U_2 + ..., where G_n is the response of order n and
-    U_n is the spectrum of the input's n-th power. The model is simulated at twice as many levels of the excitation as
-    orders, Chebyshev nodes of both signs, and at each line the orders are separated by their growth with the level. An
-    order n is fitted only at lines that are sums of n input frequencies.
+    U_n is the spectrum of the input's n-th power. The model is simulated at several levels of the excitation: Chebyshev
+    nodes of both signs, twice as many as orders. At each line, the orders are separated by their growth with the level.
+    An order n is fitted only at lines that are sums of n input frequencies.
 
     Parameters
     ----------

@@ -39,10 +39,10 @@ _COUNTED = 1e-3  # -60 dB: lines whose contributions are below this share of the
 class InputSpectrum(Described, Frozen):
     """Spectrum U_n of the n-th power of an input.
 
-    The nonlinear output frequency response G_n = Y_n / U_n at the line k, where Y_n is the n-th order of the output, is
-    a mean of the generalised frequency response H_n over all combinations of lines k_1, ..., k_n that add up to k, with
-    the weights U(k_1) ... U(k_n) / U_n(k), where U is the spectrum of the input. The weights sum to one but are
-    complex: if contributions to U_n cancel, the weights are large, and G_n can lie far outside the values that it
+    Let U be the spectrum of the input and Y_n the n-th order of the output. At the line k, the nonlinear output
+    frequency response G_n = Y_n / U_n is a mean of the generalised frequency response H_n over all combinations of
+    lines k_1, ..., k_n that add up to k. The weights of this mean are U(k_1) ... U(k_n) / U_n(k). They sum to one but
+    are complex: if contributions to U_n cancel, the weights are large, and G_n can lie far outside the values that it
     averages.
 
     Parameters
@@ -105,7 +105,7 @@ class InputSpectrum(Described, Frozen):
         return self.largest_amplification <= AMPLIFICATION
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the magnitude over frequency, and that with all contributions in phase, on `ax` or new axes."""
+        """Plot the magnitude and `in_phase` over frequency, on `ax` or new axes."""
         axes = axes_or_new(ax)
         inside = self.in_range
         frequencies = self.frequency_Hz[inside]

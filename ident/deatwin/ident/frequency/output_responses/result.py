@@ -154,7 +154,7 @@ class Nofrf(Described, Frozen):
         return self._draw(self.order, axes_or_new(ax))
 
     def plot_orders(self, axes: Sequence[Axes] | None = None) -> tuple[Axes, ...]:
-        """Plot the gains of G_1 up to the requested order on one of `axes` each, or on new ones."""
+        """Plot the gains of G_1 up to the requested order, one on each of `axes` or of new axes."""
         if axes is None:
             from matplotlib import pyplot
 

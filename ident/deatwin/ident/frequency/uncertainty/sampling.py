@@ -88,7 +88,7 @@ class Sampled(Uncertain):
         return f"of {len(self.draws)} draws"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the response in the complex plane, on `ax` or new axes, with draws and the ellipses of all draws."""
+        """Plot the response in the complex plane, on `ax` or new axes, with the draws and their ellipses."""
         axes = super().plot(ax)
         plot_draws(self, self.draws, axes)
         return axes

@@ -196,7 +196,7 @@ class VaryingResponse(Described, Frozen):
         """Return the pointwise confidence band of the gain at each time.
 
         The band holds to first order in the parameters; ``propagate(model, quantity)`` with one of ``models`` tests
-        whether they are known well enough.
+        whether the parameters are known well enough for that.
 
         Parameters
         ----------

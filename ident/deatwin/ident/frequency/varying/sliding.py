@@ -112,7 +112,7 @@ class SlidingStatistics(Described):
         return f"{self.output_unit}/{self.input_unit}" if self.output_unit and self.input_unit else ""
 
     def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
-        """Draw mean and gain over time with their bands on two `axes` or new ones; ModelError if there are fewer."""
+        """Draw mean and gain over time with their bands on two `axes` or new ones; ModelError if fewer are given."""
         panels = panels_or_new(axes, 2, height=2.2, sharex=True)
         drawn = (
             (f"mean {self.output_name}", self.output_unit, self.mean, self.mean_low, self.mean_high, self.p_mean),

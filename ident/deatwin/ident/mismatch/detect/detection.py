@@ -79,7 +79,7 @@ class Detection(Described):
     noise, model_error : float
         Sensor noise and model error, rms, SI.
     certain : bool
-        True if the size alone proves a mismatch, regardless of the scatter.
+        True if the residual on fitted or on held-out data is so large that its size alone proves a mismatch.
     taken_up : Calibration or None
         Plant fitted to all data, if this fit leaves no mismatch; else None.
     sensor : NoiseFloor
@@ -89,7 +89,7 @@ class Detection(Described):
     evidence : OriginEvidence
         Evidence that the residual comes from the plant rather than from a disturbance.
     moved : float
-        Rms change of the readings that the recorded commands cause, SI.
+        Rms change that the recorded commands cause in the readings, SI.
     visible : bool
         True if any effect could be detected at a physical strength, or if this was not computed.
     seen : callable or None

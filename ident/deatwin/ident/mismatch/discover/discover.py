@@ -69,8 +69,8 @@ def discover(
     Returns
     -------
     Discovery or None
-        The free form; None if the plant leaves no mismatch, no term is stable, or the error on held-out data does not
-        certainly fall by a tenth.
+        The free form; None if the plant leaves no mismatch, if no term is stable, or if the decrease of the error on
+        held-out data is less than a tenth or not significant.
     """
     plant = base.calibration.plant
     site = _site(plant, place)

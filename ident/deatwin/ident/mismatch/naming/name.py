@@ -37,8 +37,8 @@ def name_causes(
 
     1. Each promising effect is added alone to the base plant. Single effects are then added to the other
        interpretations of the base plant, because another interpretation of the rig file is a smaller change of the
-       model than a further effect. If one effect is adequate, or if no effect removes most of the mismatch, only
-       interpretations that fit clearly better without effects are tried.
+       model than a further effect. If one effect is adequate, or if no effect removes more than half of the mismatch's
+       power, only interpretations that fit clearly better without effects are tried.
     2. If no single effect is adequate, further effects are added to the best effect, up to three in all, and the most
        promising pairs are tried. If no effect improves the best one, further effects are added to the next best.
     3. If one effect is adequate, a second effect is added only if it explains a part of the mismatch that the first

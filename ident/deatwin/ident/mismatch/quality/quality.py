@@ -85,10 +85,10 @@ class DataQuality(Described):
         Samples at which a further reading is stuck, by the name of the reading. These samples are reported and left out
         of this reading.
     settled : tuple of tuple of ndarray of bool
-        Samples after the time in which an unknown start has decayed. Earlier samples are reported and left out.
+        Samples at which the influence of an unknown start has decayed. Earlier samples are reported and left out.
     unknown : tuple of tuple of ndarray of bool
-        Samples of all readings that depend on the unknown time at which the command changed within a gap; empty if
-        there are none. These samples are reported and left out.
+        Samples at which readings depend on the unknown time of a command change within a gap; empty if there are none.
+        These samples are reported and left out, in all readings.
     """
 
     experiments: tuple[Experiment, ...]
