@@ -59,9 +59,9 @@ def assessed(
 ) -> NarxModel:
     """Return a copy of the model whose provenance holds an assessment, as `deatwin identify` saves it.
 
-    The assessment has the frequency bands that the input excited, the rms and correlation time of the free-run
-    residual, and the results of the residual tests and of the free-run gain on held-out data. The commands `frequency`
-    and `check` read this assessment.
+    The assessment consists of the frequency bands that the input excited, the rms and correlation time of the free-run
+    residual and, on held-out data, the results of the residual tests and the relative error of the free run's gain. The
+    commands `frequency` and `check` read this assessment.
 
     Parameters
     ----------

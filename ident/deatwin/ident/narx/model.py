@@ -322,9 +322,8 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
             none or ``initial`` is given.
         initial : array_like, shape (m,) or (n_outputs, m), optional
             Outputs that start the run, newest last: those of the first m samples or, if m is below ``table.max_lag``,
-            of the last m samples before the first computed one. At least as many as the largest output lag; NaN after
-            the last known output is ignored. Without these and without recorded outputs, the run starts at
-            `output_origin`.
+            of the last m samples before the first computed one. m is at least the largest output lag. NaN after the
+            last known output is ignored. Without these and without recorded outputs, the run starts at `output_origin`.
 
         Returns
         -------

@@ -77,7 +77,7 @@ class Narmax(NarxIdentifier):
     status_ : FitStatus
         Outcome; ``NOT_CONVERGED`` if the noise e did not settle.
     changes_ : ndarray, shape (n_iterations,)
-        Relative change of e, root mean square, that the undamped step of each iteration would make.
+        Rms change of e by the undamped step of each iteration, relative to the rms of e.
 
     References
     ----------

@@ -49,11 +49,10 @@ class Semp(CandidateSearch):
     Additions end when no candidate is left, at ``max_terms``, or when the SRR is below ``threshold``. Two further steps
     follow, which are not part of the published method either; ``max_exchanges=0`` switches them off. A term is
     exchanged for a candidate that improves the free run, or that lowers the one-step error without worsening the free
-    run. The search also continues once from another model, because adding single terms cannot always find a resonance,
-    for example: from the model of a forward regression (`Frols`) with the smallest simulation error, if that error is
-    below the error of the present model. The result is the model of the last step. A test over sections cannot detect
-    an error that is large in only a few sections. If the mean squared error of the last model is more than twice the
-    smallest one, the result is therefore the last model for which it is not.
+    run. The search also continues once from the model of a forward regression (`Frols`) with the smallest simulation
+    error, if that error is below the error of the present model, because adding single terms may miss a resonance, for
+    example. The result is the model of the last step whose mean squared simulation error is at most twice the smallest
+    one: a test over sections cannot detect an error that is large in only a few sections.
 
     Least squares and the F test are valid for white one-step errors. If these are not white, for example because of
     noise on the readings, the model is extended (single output only, and not with ``max_exchanges=0``): its parameters

@@ -34,13 +34,14 @@ _PRUNING = 0.9  # share of the progress for pruning if a clean-up follows
 class SvbNarx(CandidateSearch):
     """Choose terms by sparse variational Bayes: relevance determination, pruning, and the largest lower bound.
 
-    With ``y | theta, tau ~ N(Phi theta, 1/tau)`` and ``theta | tau, alpha ~ N(0, 1/(tau alpha))``, where y is the
-    output, Phi the regressors, theta the parameters, and where the noise precision tau and the precision alpha of each
-    term have gamma priors, the variational posterior of all candidates is iterated to convergence. The terms with
-    relevance ``1/E[alpha]`` up to ``min + (max - min)/resolution`` on a logarithmic scale are pruned, and this is
-    repeated down to one term. Each step starts again from the prior mean of the relevances, so that a term can regain
-    its weight once other terms that described the same dynamics are removed. The step with the largest lower bound is
-    the model (all models are equally probable a priori). Candidates that are zero throughout are ignored.
+    The model is ``y | theta, tau ~ N(Phi theta, 1/tau)`` and ``theta | tau, alpha ~ N(0, 1/(tau alpha))`` with the
+    output y, the regressors Phi and the parameters theta. The noise precision tau and the precision alpha of each term
+    have gamma priors. The variational posterior of all candidates is iterated to convergence. Terms are then pruned if
+    the logarithm of their relevance ``1/E[alpha]`` is at most ``min + (max - min)/resolution``, where min and max are
+    its smallest and largest value. This is repeated down to one term. Each step starts again from the prior mean of the
+    relevances, so that a term can regain its weight once other terms that described the same dynamics are removed. The
+    step with the largest lower bound is the model (all models are equally probable a priori). Candidates that are zero
+    throughout are ignored.
 
     The bound ignores the number of candidates: if there are hundreds, a false term sometimes raises the bound by
     chance. A clean-up (``clean_up="evidence"``), which is not part of the published algorithm, therefore continues the

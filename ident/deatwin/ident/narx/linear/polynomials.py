@@ -67,16 +67,16 @@ class Polynomials(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Orders:
-    """Orders and delays of the polynomials, and the layout a, b_i, f_i, c, d, offset of the parameter vector.
+    """Orders and delays of a `LinearModel`, and the sequence of its parameters: a, b_i, f_i, c, d, offset.
 
     Parameters
     ----------
     na, nc, nd : int
         Orders of A, C and D.
     nb, nf, nk : tuple of int
-        Number of coefficients of B_i, order of F_i, and delay in samples, each for every input.
+        For each input, the number of coefficients of B_i, the order of F_i, and the delay in samples.
     offset : bool
-        True if the constant is a free parameter.
+        True if the offset is a free parameter.
     """
 
     na: int

@@ -136,7 +136,7 @@ class Sections(Described):
         Longest correlation time within the segments of each recording, in s. Segments should be fifteen times as long:
         if they are only ten times as long, twice as many stationary records fail as ``level`` states.
     level : float
-        Share of stationary recordings that fail the tests.
+        Probability that a stationary recording fails at least one of the tests.
     status : SectionStatus
         Basis of the choice.
     """
@@ -226,7 +226,7 @@ def choose_sections(
     n_segments : int
         Number of segments of each recording, at least 10.
     level : float
-        Share of stationary stretches that may fail, over all tests together (Bonferroni).
+        Probability that a stationary stretch fails at least one of the tests (Bonferroni).
     validation_share : float
         Share of the samples for validation, between 0 and 1.
 
