@@ -54,11 +54,12 @@ class Discrepancy:
     motion : float
         Standard deviation of the readings, SI.
     before : float
-        Rms error before the refit, SI.
+        Rms error before the calibration, SI.
     commands : ndarray, shape (n,)
         Centres of equal intervals of the command, in the rig's unit.
     mean, deviation : ndarray, shape (n,)
-        Mean and rms of fine minus coarse readings in each interval of the command, SI; NaN in intervals never visited.
+        Mean and rms of the finer plant's readings minus the calibrated plant's, in each interval of the command, SI;
+        NaN in intervals never visited.
     """
 
     rms: float
@@ -89,7 +90,7 @@ class Discrepancy:
         commands : ndarray, shape (n,)
             Commands of the readings, in the rig's unit.
         before : float
-            Rms error before the refit, SI.
+            Rms error before the calibration, SI.
         """
         rest = fine - coarse
         edges = np.linspace(commands.min(), commands.max(), BINS + 1)

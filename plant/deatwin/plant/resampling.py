@@ -200,7 +200,7 @@ def resample(
     """Resample a recording to an even clock, from another sample time or from uneven times.
 
     Readings and extras are interpolated linearly. Commands are held: a new command is the level in the middle of its
-    sample if the commands form a staircase, and otherwise the mean over its sample. A longer sample time is reached with
+    sample if the commands form a staircase, and otherwise the mean over its sample. For a longer sample time use
     `deatwin.ident.narx.preprocess.decimate`, which filters first.
 
     Parameters

@@ -19,13 +19,13 @@ class AmplifierSaturation(Effect):
 
     .. math:: V \to V - s\,[p(V - V_l) - p(-V - V_l)], \qquad p(x) = w\ln(1 + e^{x/w})
 
-    The effect has no state. V is the amplifier's voltage. With s = 1 it is clipped at the limit; with a smaller s it
-    rises less steeply beyond the limit. The corner is rounded over w: with 20 V it is almost sharp; with an output
-    stage that runs out of current it extends over hundreds of volts. Typical: a limit near the top of the range, 2.8
-    kV. Signature: almost no effect at voltages more than 4w below the limit and, for s = 1, a flat top above the limit,
-    at all frequencies and for both polarities. The amplifier clips the drive, so the ball's ringing remains, which an
-    `end_stop` cuts off; `strain_stiffening` bends the response from low voltage on; a saturation with a wide corner
-    looks like `leakage`. The effect is off at s = 0.
+    The effect has no state. V is the amplifier's voltage. With s = 1 the voltage is clipped at the limit; with a
+    smaller s the voltage rises less steeply beyond the limit. The corner is rounded over w: with w = 20 V the corner is
+    almost sharp; with an output stage that runs out of current, the corner extends over hundreds of volts. Typical: a
+    limit near the top of the range, 2.8 kV. Signature: almost no effect at voltages more than 4w below the limit and,
+    for s = 1, a flat top above the limit, at all frequencies and for both polarities. The amplifier clips the drive, so
+    the ball's ringing remains, whereas an `end_stop` cuts the ringing off. `strain_stiffening` bends the response from
+    low voltage on; a saturation with a wide corner looks like `leakage`. The effect is off at s = 0.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class DielectricAbsorption(Effect):
-    r"""Part of the polarisation lags the field E, and so does the electric displacement D in the stress E D.
+    r"""Part of the polarisation, and so of the electric displacement D, lags the field E; the stress is E D.
 
     .. math:: V^2 \to V^2 - a\,V\,(V - p), \qquad \tau\dot p = V - p
 

@@ -28,9 +28,9 @@ class ElectrodeLoss(Effect):
 
     .. math:: A(t) = A\,[1 - l\;S(4(t - t_0)/h)], \qquad S(x) = \frac{1}{1 + e^{-x}}
 
-    with the electrode's area A and the sample time h, so that the loss takes about one sample. The effect has no state.
-    A rim that has lost some of its contacts is described as a narrower rim that has lost all of them. Typical: steps of
-    1 to 50 % of the area. Signature: from :math:`t_0` on, the motion is smaller by a share that hardly depends on the
+    A is the electrode's area and h the sample time, so that the loss takes about one sample. The effect has no state. A
+    rim that has lost some of its contacts is described as a narrower rim that has lost all of them. Typical: steps of 1
+    to 50 % of the area. Signature: from :math:`t_0` on, the motion is smaller by a share that hardly depends on the
     voltage (half the relative change of the area), while the sag at 0 V stays. A `sensor_jump` instead shifts all
     readings alike, and a `permittivity_drift` has more influence at high voltage. The effect is off at l = 0.
 

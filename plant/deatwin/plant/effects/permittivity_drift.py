@@ -20,7 +20,7 @@ class PermittivityDrift(Effect):
     .. math:: \varepsilon(t) = \varepsilon\,\bigl[1 + a(1 - e^{-t/\tau})\bigr]
 
     The effect has no state: the drift depends only on the time, and begins at time 0. Typical: 2 to 15 %, 100 to 10,000
-    s. Signature: the gain changes, more at large amplitude (1.5 times the relative change at 1.9 kV, 4 times at 3 kV),
+    s. Signature: the relative change of the gain is 1.5 times that of the permittivity at 1.9 kV and 4 times at 3 kV,
     while the sag at 0 V does not change; `prestretch_relaxation` changes the sag too. The effect is off at a = 0.
 
     Parameters

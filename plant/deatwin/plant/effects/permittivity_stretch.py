@@ -23,11 +23,11 @@ class PermittivityStretch(Effect):
     The effect has no state. :math:`\lambda_1, \lambda_2` are the stretches, and :math:`\varepsilon` is the permittivity
     at the prestretch :math:`\lambda_{p1}, \lambda_{p2}`. The stress is the derivative of the field energy including
     this law, which multiplies the Maxwell stress :math:`\varepsilon E^2` of the field E in direction i by
-    :math:`1 + \frac12\,d\ln\varepsilon/d\ln\lambda_i`. Typical for VHB: c = -0.08 to 0 from the prestretch; the Maxwell
-    stress at a stretch of 3.5 is then up to 14 % smaller. Signature: static and even in the voltage; the effect is
-    nearly that of a smaller permittivity, except that the additional stretch bends the curve of stroke over voltage,
-    most above 2.5 kV. The sag at 0 V does not change, whereas `strain_stiffening` changes it. The effect is off at c =
-    0.
+    :math:`1 + \frac12\,d\ln\varepsilon/d\ln\lambda_i`. Typical for VHB: c = -0.08 to 0, relative to the permittivity at
+    the prestretch; the Maxwell stress at a stretch of 3.5 is then up to 14 % smaller. Signature: static and even in the
+    voltage; the effect is nearly that of a smaller permittivity, except that the additional stretch bends the curve of
+    stroke over voltage, most above 2.5 kV. The sag at 0 V does not change, whereas `strain_stiffening` changes it. The
+    effect is off at c = 0.
 
     Parameters
     ----------

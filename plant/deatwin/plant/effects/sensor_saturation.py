@@ -19,11 +19,12 @@ class SensorSaturation(Effect):
 
     .. math:: y \to y - s\,p(y - y_l), \qquad p(x) = w\ln(1 + e^{x/w})
 
-    The effect has no state. y is the reading. With s = 1 it is clipped at the limit; with a smaller s it rises less
-    steeply beyond the limit. The corner is rounded over w = 1 µm, less than the sensor noise. There is no lower limit:
-    the ball rests at the lower end, so that such a limit would be obvious at 0 V. Typical: an analogue output scaled to
-    the expected motion, 0.4 mm. Signature: the reading has a flat top, ringing included, while the ball moves on and
-    returns below the limit at full speed; an `end_stop` stops the ball and makes it ring. The effect is off at s = 0.
+    The effect has no state. y is the reading. With s = 1 the reading is clipped at the limit; with a smaller s the
+    reading rises less steeply beyond the limit. The corner is rounded over w = 1 µm, less than the sensor noise. There
+    is no lower limit: the ball rests at the lower end, so that such a limit would be obvious at 0 V. Typical: an
+    analogue output scaled to the expected motion, 0.4 mm. Signature: the reading has a flat top, ringing included,
+    while the ball moves on and returns below the limit at full speed; an `end_stop` stops the ball and makes it ring.
+    The effect is off at s = 0.
 
     Parameters
     ----------

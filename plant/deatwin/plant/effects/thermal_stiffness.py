@@ -31,9 +31,9 @@ class ThermalStiffness(Effect):
     influence. Without this channel, the temperature of the room is assumed to vary sinusoidally by ±1 K with period P,
     as under a thermostat; the rig's modulus is then the modulus at time 0. A further reading may show the
     ``room_temperature`` :math:`T_0 + \Delta T`. Typical: a few percent per kelvin; periods from minutes to a day. In
-    measurements the elastic part of VHB alone stiffened with temperature (entropic elasticity predicts +0.34 % per
-    kelvin), whereas the tape as a whole softened. Signature: sag and gain vary together, in a ratio of 1 : 2.4 at 1.9
-    kV, with a period that is absent from the drive; the sag varies at 0 V too; a `permittivity_drift` changes in one
+    measurements VHB tape softened with temperature, although its elastic part stiffened (entropic elasticity predicts
+    +0.34 % per kelvin). Signature: sag and gain vary together, with a period that is absent from the drive; at 1.9 kV
+    the gain varies by 2.4 % if the sag varies by 1 %; the sag varies at 0 V too; a `permittivity_drift` changes in one
     direction only and leaves the sag at 0 V unchanged. The effect is off at :math:`k_T = 0`.
 
     Parameters

@@ -112,7 +112,7 @@ def random_phase_multisine(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Random generator for the phases, uniform over the circle.
+        Random generator for the phases, which are uniform over the circle.
     period : float
         Period, s; rounded to whole samples, so that the signal is periodic to the last bit.
     sample_time : float
@@ -140,7 +140,7 @@ def random_phase_multisine(
     DataError
         If the harmonics are not distinct whole numbers from 1 to below half the sample rate; if the amplitudes differ
         in number from the harmonics, or are negative or all zero; if `periods` is less than 1; or if no phases satisfy
-        the limits. In the last case the text states an rms at which phases would.
+        the limits. In the last case the text states an rms for which there are such phases.
 
     References
     ----------

@@ -138,7 +138,7 @@ def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Sy
 
 
 def effective_permittivity(permittivity: Symbol, coefficient: Symbol, elastic_modulus: Symbol) -> Symbol:
-    r"""Relative permittivity for which Maxwell stress alone gives the strain of Maxwell stress and electrostriction.
+    r"""Relative permittivity with which Maxwell stress alone causes the strain of Maxwell stress and electrostriction.
 
     .. math:: \varepsilon_\mathrm{eff} = \varepsilon_r - Y Q\,\varepsilon_0(\varepsilon_r - 1)^2
 

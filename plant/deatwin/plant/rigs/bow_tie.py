@@ -28,13 +28,13 @@ class BowTie(FilmActuator):
               - \varepsilon\frac{V^2}{H^2}\lambda\lambda_s^2\Bigr) = F \quad\text{at all } s, \qquad
               x = L\int_0^1\lambda\,ds, \qquad w = w_0 + (w_1 - w_0)\,s
 
-    from the waist (s = 0) to a bar (s = 1); the other half of the film is its mirror image. H is the thickness before
-    stretching, w the width, W the strain energy density, :math:`\lambda` the stretch along the motion and
-    :math:`\lambda_s` across it, :math:`\varepsilon` the permittivity, V the voltage, F the dead load and x the
-    elongated length. The film is a series of strips, each under the whole dead load. Shear between neighbouring strips
-    is neglected, which holds for films that narrow slowly. The sides are ``"clamped"``: stiff fibres across the film
-    hold the side stretch (pure shear), or ``"free"``: each strip contracts freely (uniaxial), which leaves little
-    elongation.
+    The coordinate s runs from 0 at the waist to 1 at a bar; the other half of the film is the mirror image of this
+    half. H is the thickness before stretching, w the width, W the strain energy density, :math:`\lambda` the stretch
+    along the motion and :math:`\lambda_s` across it, :math:`\varepsilon` the permittivity, V the voltage, F the dead
+    load and x the elongated length. The film is a series of strips, each under the whole dead load. Shear between
+    neighbouring strips is neglected, which holds for films that narrow slowly. The sides are ``"clamped"``: stiff
+    fibres across the film hold the side stretch (pure shear), or ``"free"``: each strip contracts freely (uniaxial),
+    which leaves little elongation.
 
     The waist is stretched most, is thinnest and has the highest field. The higher stiffness of the stretched waist
     cancels this gain: far from pull-in all strips lengthen by nearly the same share, and the shape has no advantage

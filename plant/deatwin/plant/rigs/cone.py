@@ -29,24 +29,24 @@ class Cone(FilmActuator):
     r"""Annular film with a rigid disc in its middle and electrodes all over; the reading is the disc's motion.
 
     A point of the film has the radius :math:`\rho` before stretching, between :math:`\rho_i` at the disc and
-    :math:`\rho_o` at the ring. With :math:`s = \ln(\rho/\rho_i)/\ln(\rho_o/\rho_i)` from 0 to 1, the height z of the
-    disc, the prestretch :math:`\Lambda` and the unknowns :math:`g_k, h_k`, the radius r and the height z(s) of the
-    point are
+    :math:`\rho_o` at the ring. The variable :math:`s = \ln(\rho/\rho_i)/\ln(\rho_o/\rho_i)` runs from 0 at the disc to
+    1 at the ring, z is the height of the disc, :math:`\Lambda` the prestretch, and :math:`g_k, h_k` are unknowns. After
+    stretching, the point has the radius r and the height z(s):
 
     .. math:: r = \rho\,\Bigl[\Lambda + s(1 - s)\sum_k g_k (1 - 2s)^k\Bigr], \qquad
               z(s) = z\,(1 - s) + s(1 - s)\sum_k h_k (1 - 2s)^k .
 
     The disc is drawn out of the film's plane by its weight and by the bias
 
-    .. math:: F = F_0 - k z + F_s\,\frac{3\sqrt3}{2}\,\frac yd\Bigl(1 - \frac{y^2}{d^2}\Bigr), \qquad y = z - c,
+    .. math:: F = F_0 - k z + F_s\,\frac{3\sqrt3}{2}\,\frac yd\Bigl(1 - \frac{y^2}{d^2}\Bigr), \qquad y = z - c .
 
-    the sum of a linear spring of the stiffness k, whose force is :math:`F_0` when the film is flat, and a bistable
-    spring. The bistable spring is at rest at the heights c - d and c + d, and its largest force between these heights
-    is :math:`F_s`. Voltage lowers the tension of the film, so that the disc moves further. The bistable spring
-    increases the stroke as long as its negative stiffness is smaller than the film's stiffness; otherwise the disc
-    snaps. The film adds the mass :math:`\int\varrho\,(1-s)^2\,dV_0` to the disc, with its density :math:`\varrho` and
-    its volume :math:`V_0`. Compared with the membrane's differential equations, the errors of the stroke and of the
-    pull-in voltage are below 0.5 %.
+    The bias is the sum of the forces of a linear spring and of a bistable spring. The linear spring has the stiffness
+    k, and the force :math:`F_0` when the film is flat. The bistable spring is at rest at the heights c - d and c + d,
+    and its largest force between these heights is :math:`F_s`. Voltage lowers the tension of the film, so that the disc
+    moves further. The bistable spring increases the stroke as long as its negative stiffness is smaller than the film's
+    stiffness; otherwise the disc snaps. The film adds the mass :math:`\int\varrho\,(1-s)^2\,dV_0` to the disc, with its
+    density :math:`\varrho` and its volume :math:`V_0`. Compared with the membrane's differential equations, the errors
+    of the stroke and of the pull-in voltage are below 0.5 %.
 
     Parameters
     ----------

@@ -30,11 +30,11 @@ class Coupon(Rig):
 
     F is the force, :math:`\lambda` the stretch, W the strain energy density; w, H and L are the width, thickness and
     length of the unstretched strip. An isotropic, incompressible strip with free sides contracts by
-    :math:`\lambda^{-1/2}` in both directions, even with relaxing branches, so the stretch alone determines the
+    :math:`\lambda^{-1/2}` in both directions, with or without relaxing branches, so the stretch alone determines the
     deformation. Each pull is a separate experiment, from rest at stretch 1. The simulation holds the stretch constant
-    during each sample, and the reading is the force at the end of the sample. On average, this staircase leads the ramp
-    of a real pull by half a sample. At 50 Hz, the lead changes the stress of a branch with a relaxation time of 2 s by
-    0.5 %.
+    during each sample, and the reading is the force at the end of the sample, when the ramp of a real pull reaches this
+    stretch. On average, the staircase therefore leads the ramp by half a sample. At 50 Hz, the lead changes the stress
+    of a branch with a relaxation time of 2 s by 0.5 %.
 
     Width and thickness enter only through the area, which multiplies every modulus. If the source does not state them,
     a fit finds relaxation times and ratios of moduli, but not their absolute size.

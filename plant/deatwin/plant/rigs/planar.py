@@ -31,11 +31,11 @@ class Planar(FilmActuator):
     .. math:: H L_2\Bigl(\frac{\partial W}{\partial\lambda_1}
               - \varepsilon\frac{V^2}{H^2}\lambda_1\lambda_2^2\Bigr) = F_1
 
-    along the motion, with the thickness H and the width :math:`L_2` before stretching, the strain energy density W, the
-    stretches :math:`\lambda_1, \lambda_2` along and across the motion, the permittivity :math:`\varepsilon` and the
-    voltage V. If the sides are free, the same equation holds across the motion with 1 and 2 exchanged. The dead loads
-    :math:`F_1, F_2` hold a film with the published material values at its prestretch without voltage; they do not
-    change when a fit changes the material. The sides may be
+    This equation holds along the motion. H is the thickness and :math:`L_2` the width before stretching, W the strain
+    energy density, :math:`\lambda_1, \lambda_2` are the stretches along and across the motion, :math:`\varepsilon` is
+    the permittivity and V the voltage. If the sides are free, the same equation holds across the motion with 1 and 2
+    exchanged. The dead loads :math:`F_1, F_2` are those that hold a film with the published material values at its
+    prestretch without voltage; the loads do not change when a fit changes the material. The sides may be
 
     - ``"equal"``: both directions have the same nominal stress and the same stretch. Without prestretch this is the
       free equal-biaxial film, for which closed-form solutions exist;

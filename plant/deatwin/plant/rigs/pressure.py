@@ -25,9 +25,9 @@ SHAPES, POINTS = 3, 5
 class Pressure(FilmActuator):
     r"""Inflated film in a ring with electrodes all over; the reading is the rise of its apex.
 
-    A point of the film has the radius :math:`\rho` before stretching, up to :math:`B_0` at the ring. With
-    :math:`t = \rho^2/B_0^2` from the apex (0) to the ring (1), the height z of the apex, the prestretch :math:`\Lambda`
-    and the unknowns :math:`g_k, h_k`, the radius r and the height z(t) of the point are
+    A point of the film has the radius :math:`\rho` before stretching, up to :math:`B_0` at the ring. The variable
+    :math:`t = \rho^2/B_0^2` runs from 0 at the apex to 1 at the ring, z is the height of the apex, :math:`\Lambda` the
+    prestretch, and :math:`g_k, h_k` are unknowns. After stretching, the point has the radius r and the height z(t):
 
     .. math:: r = \rho\,\Bigl[\Lambda + (1 - t)\sum_k g_k t^k\Bigr], \qquad
               z(t) = (1 - t)\,\Bigl[z + \sum_{k\ge1} h_k t^k\Bigr] .

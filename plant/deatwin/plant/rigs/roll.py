@@ -26,16 +26,16 @@ class Roll(FilmActuator):
     :math:`\varepsilon` the permittivity and V the voltage. The layers hold each other around the core: the hoop stretch
     :math:`\lambda_h` is constant, the film is in pure shear, and all layers have the same axial stretch. The wound film
     is thin compared with the core, so that all layers also have the same hoop stretch. The spring's free length
-    :math:`\ell_0` holds a film with the published material values at its prestretch without voltage; :math:`\ell_0`
-    does not change when a fit changes the material. The roll in W. R. Jacobs' thesis (2.2.3) is assumed to work by
-    elongation.
+    :math:`\ell_0` is the one with which the spring holds a film with the published material values at its prestretch
+    without voltage; :math:`\ell_0` does not change when a fit changes the material. The roll in W. R. Jacobs' thesis
+    (2.2.3) is assumed to work by elongation.
 
     Parameters
     ----------
     length : float
         L, the length of the unstretched film along the axis, m.
     width : float
-        B, the length of the unstretched film between electrodes along the winding, m; both films of a pair together.
+        B, the length along the winding of the unstretched film between electrodes, m, summed over both films of a pair.
     prestretch, hoop_prestretch : float
         Stretch along the axis and around it, without voltage.
     spring_rate : float

@@ -21,15 +21,15 @@ MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the el
 class Stack(FilmActuator):
     r"""Stack of layers in series across their thickness; the reading is its contraction under voltage.
 
-    With the height h of n layers the in-plane stretches are :math:`\lambda = \sqrt{nH/h}`, and
+    The n layers have the height h, so that the in-plane stretches are :math:`\lambda = \sqrt{nH/h}`.
 
     .. math:: n A\Bigl(H\,\frac{dW}{dh} - \frac{\varepsilon V^2}{2H}\,\frac{d\lambda^4}{dh}\Bigr) = F
 
-    with the thickness H of a layer before stretching, the strain energy density W of the film, its permittivity
-    :math:`\varepsilon`, the voltage V across each layer, and the load F, which lengthens the stack. Electrodes and end
-    plates do not constrain the film in its plane, so a stack without load is a free equal-biaxial film: at small strain
-    it shortens by :math:`nH\,\varepsilon E^2/Y`, with the field E and Young's modulus Y. The stack in W. R. Jacobs'
-    thesis (2.2.3) is assumed to work by contraction.
+    H is the thickness of a layer before stretching, W the strain energy density of the film, :math:`\varepsilon` its
+    permittivity, V the voltage across each layer, and F the load, which lengthens the stack. Electrodes and end plates
+    do not constrain the film in its plane, so a stack without load is a free equal-biaxial film: at small strain it
+    shortens by :math:`nH\,\varepsilon E^2/Y`, with the field E and Young's modulus Y. The stack in W. R. Jacobs' thesis
+    (2.2.3) is assumed to work by contraction.
 
     Parameters
     ----------

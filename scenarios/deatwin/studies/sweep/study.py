@@ -69,8 +69,8 @@ def run_study(
         Mappings from names to numbers, texts or None, for example from `grid`.
     work : callable
         Function ``work(case, rng)`` that returns a mapping of names to numbers, texts and arrays; ``rng`` is a
-        `numpy.random.Generator` that depends on seed and case alone. It must be defined in a module or in the script: a
-        partial or a closure is refused, because changes of the values that it holds could not be noticed.
+        `numpy.random.Generator` that depends on seed and case alone. The function must be defined in a module or in the
+        script: a partial or a closure is refused, because changes of the values that it holds could not be noticed.
     folder : path
         Folder of the study. On a cluster all workers must see it under this path.
     seed : int
