@@ -31,7 +31,8 @@ class Pnlss(StateSpaceIdentifier):
     recording is held out, and the search ends when the free-run error on the held-out samples no longer falls. A second
     search fits all samples. If the held-out error had not stopped falling, the second search continues from the end of
     the first. Otherwise it begins again at the linear start, and takes as many steps as the first search took to its
-    smallest held-out error; its result is discarded if its error over all samples is not smaller.
+    smallest held-out error; its result is discarded unless its error over all samples is smaller than that of the first
+    search's best model.
 
     Parameters
     ----------

@@ -28,19 +28,20 @@ class ElectrodeRC(Effect):
 
     The effect has one state :math:`\chi` (V), the charge divided by :math:`C_0 + C_p`. A part of the electrode that
     loses contact (`electrode_loss`) takes along its share of C(q) and of the charge, so that the voltage does not jump.
-    Fresh carbon grease gives 0.1 ms or less; dried grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms.
-    Signature: the lag acts before the film squares the voltage, so harmonics are attenuated; the phase lag grows with
-    frequency and, since C(q) grows threefold up to 3 kV, with the voltage. A `delay` attenuates no harmonics and does
-    not depend on the voltage. The effect is off at :math:`\tau = 0`, where :math:`V = V_a`.
+    Typical: :math:`\tau` of 0.1 ms or less with fresh carbon grease, of 10 to 300 ms with dried grease or a bad contact
+    (10 to 100 MΩ, 1 to 3 nF). Signature: the lag acts before the film squares the voltage, so harmonics are attenuated;
+    the phase lag grows with frequency and, since C(q) grows threefold up to 3 kV, with the voltage. A `delay`
+    attenuates no harmonics and does not depend on the voltage. The effect is off at :math:`\tau = 0`, where
+    :math:`V = V_a`.
 
     Parameters
     ----------
     time : float
         :math:`\tau = R(C_0 + C_p)`, the time constant of charging at rest, s.
     film_share : float
-        s, the film's share of that capacitance: 1 if the resistance is the electrode's own, 0 for an amplifier lag that
-        is independent of the film. By default film and parallel capacitance count equally: metres of cable at 0.1 nF/m
-        and a probe add up to the film's 0.9 nF.
+        s, the film's share of :math:`C_0 + C_p`: 1 if the resistance is the electrode's own, 0 for an amplifier lag
+        that is independent of the film. By default film and parallel capacitance count equally: metres of cable at 0.1
+        nF/m and a probe add up to the film's 0.9 nF.
 
     References
     ----------

@@ -79,4 +79,7 @@ KOFOD_2001 = BreakdownLaw(
     source="Kofod, Kornbluh, Pelrine & Sommer-Larsen, SPIE Smart Structures and Materials (2001), abstract: 20 MV/m "
     "unstrained, 218 MV/m at 500 % x 500 % strain; a power law through the two, whose thickness goes with the stretch",
 )
-"""Breakdown law of Kofod et al. for films in actuators; below `HUANG_2012`, because voltage thins a soft film first."""
+"""Breakdown law of Kofod et al. for films in actuators.
+
+Its fields are lower than those of `HUANG_2012`, because voltage thins a soft film before it breaks.
+"""

@@ -52,8 +52,8 @@ class Candidate:
         Natural logarithm of the prior probability of the places at which the effects act; all places of an effect are
         equally probable.
     log_size : float
-        Natural logarithm of the prior density of the strengths of effects at further places, relative to its maximum; 0
-        or less.
+        Natural logarithm of the prior density of the strengths of effects at further places (`Site`), relative to the
+        largest density; 0 or less.
     """
 
     effects: tuple[str, ...]

@@ -40,7 +40,7 @@ class Verification(Described):
     unseen_before, unseen_after : float
         Rms residuals of the free run on held-out data.
     gain_low : float
-        Lower 95 % bound of the decrease on held-out data.
+        Lower 95 % bound of the decrease of the rms residual on held-out data.
     counts : bool
         True if the explanation is accepted even without a positive `gain_low`: over all data the error certainly
         decreases, and on held-out data the mean square error decreases by more than the square of the model error and
