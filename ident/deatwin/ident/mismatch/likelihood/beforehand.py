@@ -27,7 +27,7 @@ FAST, FAST_TIMES = 0.4, (5.0, 50.0)
 """Rms of the fast part of the model error, as a share of the rig's, and its time constants in samples, since sample
 times are chosen for the motion."""
 TIMING = 0.15
-"""Prior standard deviation of the time at which a reading is taken, or at which the command acts, in samples."""
+"""Prior standard deviation of the time at which the command acts or a further reading is taken, in samples."""
 SLOW, SLOW_TIME, SLOW_MODES = 0.3, 3000.0, 4
 """Rms of the slow part of the model error, as a share of the rig's, its time constant in samples, and the number of its
 modes that are kept in each recording."""
@@ -49,7 +49,7 @@ class OwnError:
     """
 
     readings: np.ndarray  # (n,), simulated readings, SI
-    late: np.ndarray  # (n,), their change if the command acts `TIMING` samples later, SI
+    late: np.ndarray  # (n,), their change if the command acts, or the reading is taken, `TIMING` samples later, SI
     times: np.ndarray  # (n,), s
     records: np.ndarray  # (n,), number of the experiment
     sample_time: float

@@ -56,11 +56,6 @@ class OwnErrors:
             first = last
         return found
 
-    @property
-    def of_timing(self) -> np.ndarray:
-        """Return which columns are timing errors, bool of shape (k,)."""
-        return np.concatenate([one.of_timing for one in self.of])
-
     def columns_after(self, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         """Return the columns after a fit, (n, k), with timing at the size that its residuals, (n,), show."""
         # Any fast motion reveals the time of the readings. Residuals do not reveal how far a fit has absorbed bends and
@@ -70,7 +65,7 @@ class OwnErrors:
         spread = np.linalg.inv(np.eye(free.shape[1]) + free.T @ free / variance)
         mean = spread @ (free.T @ residuals) / variance
         shown = np.minimum(np.sqrt(mean**2 + np.diag(spread)), 1.0)
-        return self.columns * np.where(self.of_timing, shown, 1.0)
+        return self.columns * np.where(np.concatenate([one.of_timing for one in self.of]), shown, 1.0)
 
     def likelihood(self, residuals: np.ndarray, columns: np.ndarray) -> list[Reading]:
         """Return each reading in the form that the likelihood needs; `residuals` (n,), `columns` (n, m)."""
@@ -105,19 +100,22 @@ class OwnErrors:
 def own_errors(plant: Plant, parts: Sequence[Part], readings: np.ndarray, noise: float, stated: float) -> OwnErrors:
     """Return the errors of a plant with `readings`, (n,); the first reading has this `noise` and `stated` error."""
     # A further reading has the noise that the rig states. Its error is at least the rig's share of the reading's
-    # variation.
+    # variation. It may be sampled earlier or later than the rig says, while the motion itself comes early or late.
     whole = np.repeat(np.arange(len(parts)), [part.size for part in parts])
     rig, times, level = plant.rig, np.concatenate([part.timepts for part in parts]), level_of(parts)
-    late = later(plant, parts, readings, TIMING * rig.sample_time)
+    shift = TIMING * rig.sample_time
     own, places = [], []
     for name in dict.fromkeys(part.reading for part in parts):
         at = np.flatnonzero(np.isin(whole, [k for k, part in enumerate(parts) if part.reading == name]))
-        sensor, error = noise, stated
-        if name:
+        if not name:
+            sensor, error = noise, stated
+            late = later(plant, [part for part in parts if not part.reading], readings[at], shift)
+        else:
             weight = next(part.weight for part in parts if part.reading == name)
             further = next(reading for reading in rig.further if reading.name == name)
             sensor = weight * further.noise
             error = max(weight * further.model_error, rig.share_of_motion * float(np.std(readings[at])))
+            late = -shift * structured.slope(readings[at], times[at], whole[at])
         own.append(
             OwnError(
                 readings=readings[at],
@@ -127,7 +125,7 @@ def own_errors(plant: Plant, parts: Sequence[Part], readings: np.ndarray, noise:
                 sample_time=rig.sample_time,
                 noise=max(sensor, ACCURACY * float(np.std(readings[at]))),
                 stated=error,
-                late=late[at],
+                late=late,
             )
         )
         places.append(at)

@@ -171,8 +171,9 @@ class Scale:
         # Deviations of the rig's own parameters count in `log_prior_of_rig`, since nominal values may be wrong.
         of_effects = [p.name.partition(".")[0] in effects for p in parameters]
         at = np.where(of_effects, [p.scale.to_coordinate(p.value) for p in parameters], mean)
-        errors = self.error.columns * np.where(self.error.of_timing, half, 1.0) if late else self.error.columns
-        columns = np.column_stack([fit.jacobian[:, moves] * spread, errors])
+        columns = np.column_stack([fit.jacobian[:, moves] * spread, self.error.columns])
+        if late:
+            columns[:, at.size :][:, np.flatnonzero(self.error.of[0].of_timing)] *= half
         sided = [k for k, one in enumerate(known) if one.one_sided]
         prior = Prior.of((at.size, (at - mean) / spread), (columns.shape[1] - at.size, None), one_sided=sided)
         factor = sum(k.log_factor for k in known)
