@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,7 @@ from deatwin.ident.mismatch.likelihood import structured
 from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, FAST, NOISE, SPREAD, TIMING, OwnError
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Reading
 from deatwin.ident.mismatch.likelihood.whitening import grams
-from deatwin.plant.effects.delay import USUAL, Delay
+from deatwin.plant.effects.delay import Delay
 from deatwin.plant.model import Plant
 
 
@@ -136,13 +136,16 @@ def later(plant: Plant, parts: Sequence[Part], readings: np.ndarray, shift: floa
     """Return the change of a plant's `readings`, (n,), if the command acted later by `shift`, s."""
     # The command jumps at the sample times, so the motion has corners there, and its slope before a sample is not that
     # which neighbouring readings show.
-    name, step = f"{Delay.name}.time", min(shift, USUAL)
+    name, sizes = f"{Delay.name}.time", plant.rig.sizes
+    delay = Delay() if sizes is None else sizes.of(Delay())
+    # half of the range, so that a delay that the plant already has can move either way
+    step = min(shift, 0.5 * delay.described(delay.strength).upper)
     if name in plant.parameters:
         now = plant.parameters[name].value
         step = step if now < step else -step
         moved = simulated(plant.with_values({name: now + step}), parts)
     else:
-        moved = simulated(plant.with_effects(Delay(time=step)), parts) if plant.accepts(Delay()) else None
+        moved = simulated(plant.with_effects(replace(delay, time=step)), parts) if plant.accepts(delay) else None
     if moved is None:
         records = np.repeat(np.arange(len(parts)), [part.size for part in parts])
         return -shift * structured.slope(readings, np.concatenate([part.timepts for part in parts]), records)

@@ -19,7 +19,8 @@ law and an inexact one have equal prior probability.
 
 A short delay beside an effect is what the plant's own timing error is. A fit of the effect alone cannot follow such an
 error, and readings are not linear in the parameters over the distance. So the evidence of the effect alone is also
-evaluated at the fit with a delay, whose prior is then that of the timing error; the larger value counts.
+evaluated at the fit with a delay, whose prior is then that of the timing error; the larger value counts. The
+derivative by a delay is also the column of the timing error wherever a set has one.
 """
 
 from __future__ import annotations
@@ -98,11 +99,14 @@ class Scale:
 
     def _late_weight(self, alone: Candidate, pair: Candidate) -> float:
         """Return the log evidence of an effect whose timing error is the delay of a pair; -inf if this has none."""
-        further = set(pair.effects) - set(alone.effects)
-        delays = [e.name for e in self.problem.everywhere if e.name in further and e.cause == Delay.name]
-        if not len(further) == len(delays) == len(pair.effects) - len(alone.effects) == 1:
-            return -np.inf
-        return self.weight(pair, late=f"{delays[0]}.time")
+        further = [f"{effect}.time" for effect in pair.effects if effect not in alone.effects]
+        is_late = len(further) == len(pair.effects) - len(alone.effects) == 1 and further[0] in self._delays
+        return self.weight(pair, late=further[0]) if is_late else -np.inf
+
+    @cached_property
+    def _delays(self) -> frozenset[str]:
+        """Names of the dead times of the command and of the reading, whatever their place."""
+        return frozenset(f"{e.name}.time" for e in self.problem.everywhere if e.cause == Delay.name)
 
     def _inexact_weight(self, alone: Candidate, pair: Candidate) -> float:
         """Return the log evidence of an explanation whose law errs along its difference from another one."""
@@ -161,19 +165,23 @@ class Scale:
         moves = Problem(plant=fit.plant, parts=(), names=fit.names).smooth()
         parameters = [fit.plant.parameters[name] for name, smooth in zip(fit.names, moves, strict=True) if smooth]
         largest = float(np.quantile(np.abs(self.error.of[0].readings), 0.99))
-        # Half of a timing error's variance is that delay's, and half that of the column, which belongs to another motion.
-        half = np.sqrt(0.5)
-        timing = Coordinate(mean=0.0, deviation=half * TIMING * self.problem.nominal.rig.sample_time)
+        step = TIMING * self.problem.nominal.rig.sample_time
         known = [
-            timing if p.name == late else coordinate(p, self.problem.nominal, effects, largest) for p in parameters
+            Coordinate(mean=0.0, deviation=step)
+            if p.name == late
+            else coordinate(p, self.problem.nominal, effects, largest)
+            for p in parameters
         ]
         mean, spread = (np.array([getattr(k, name) for k in known]) for name in ("mean", "deviation"))
         # Deviations of the rig's own parameters count in `log_prior_of_rig`, since nominal values may be wrong.
         of_effects = [p.name.partition(".")[0] in effects for p in parameters]
         at = np.where(of_effects, [p.scale.to_coordinate(p.value) for p in parameters], mean)
         columns = np.column_stack([fit.jacobian[:, moves] * spread, self.error.columns])
-        if late:
-            columns[:, at.size :][:, np.flatnonzero(self.error.of[0].of_timing)] *= half
+        # In a plant with a delay, this delay shows exactly what a timing error does.
+        first, timing = self.error.at[0], at.size + int(np.flatnonzero(self.error.of[0].of_timing)[0])
+        for p, slope in zip(parameters, fit.jacobian[:, moves].T, strict=True):
+            if p.name in self._delays:
+                columns[first, timing] = 0.0 if p.name == late else step * slope[first]
         sided = [k for k, one in enumerate(known) if one.one_sided]
         prior = Prior.of((at.size, (at - mean) / spread), (columns.shape[1] - at.size, None), one_sided=sided)
         factor = sum(k.log_factor for k in known)

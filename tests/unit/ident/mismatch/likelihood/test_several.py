@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from foreign_models import SAMPLE, Motor
+from foreign_models import SAMPLE, SIZES, Motor
 from scipy.stats import multivariate_normal
 
 from deatwin.ident.greybox.parts import Part, simulated
@@ -112,6 +112,18 @@ def test_a_late_command_changes_a_held_motion_as_its_equation_says(known: float)
     np.testing.assert_allclose(readings, speed(known), atol=1e-6 * readings.max())
     expected = (speed(known + step) - readings) * np.sign(step)
     np.testing.assert_allclose(later(plant, parts, readings, 0.1 * SAMPLE), expected, atol=1e-6 * readings.max())
+
+
+def test_a_timing_error_beyond_the_range_of_delays_is_extrapolated() -> None:
+    """A slow motor has delays of up to half a second of its own: at samples of two, its derivative is multiplied."""
+    volts = np.random.default_rng(0).uniform(0.0, 12.0, 50)
+    plant = Plant(rig=Motor(sample_time=2.0))
+    parts = (Part.whole(Experiment(recordings=(Recording.from_arrays(volts, 0.0 * volts, 2.0),))),)
+    readings = simulated(plant, parts)
+    upper = SIZES.of(Delay()).described("time").upper
+    short, long = (later(plant, parts, readings, shift) for shift in (0.5 * upper, 5.0 * upper))
+    np.testing.assert_allclose(long, 10.0 * short, rtol=1e-9, atol=1e-12 * readings.max())
+    assert np.abs(short).max() > 0.0
 
 
 def test_a_rig_that_admits_no_delay_is_late_by_the_slope_of_its_reading(oscillator, experiment) -> None:

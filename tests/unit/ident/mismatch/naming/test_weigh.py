@@ -30,7 +30,9 @@ FAST_TONE = np.sqrt(2.0) * np.sin(2.0 * np.pi * 9.0 * TIMES)  # faster than anyt
 @pytest.fixture
 def problem():
     part = SimpleNamespace(timepts=TIMES, size=TIMES.size, measured=MOTION, reading="", level=np.ones(TIMES.size))
-    nominal = SimpleNamespace(rig=SimpleNamespace(sample_time=0.02), parameters={}, accepts=lambda effect: False)
+    nominal = SimpleNamespace(
+        rig=SimpleNamespace(sample_time=0.02, sizes=None), parameters={}, accepts=lambda effect: False
+    )
     return SimpleNamespace(everywhere=EFFECTS, effects=EFFECTS, fitted=(part,), nominal=nominal, expected_error=5e-7)
 
 
@@ -143,15 +145,16 @@ def test_of_two_that_do_nothing_the_odds_are_at_most_those_beforehand(scale):
     assert np.mean([odds(scale, 0.0, rng) for _ in range(10)]) < pair_odds(3)
 
 
+@pytest.mark.parametrize("slope", [np.gradient(MOTION, TIMES), 3e-3 * FAST_TONE], ids=["base", "other motion"])
 @pytest.mark.parametrize("late", [0.1, 1.0], ids=["a tenth of a sample", "a sample"])
-def test_a_delay_is_a_second_effect_if_no_timing_error_is_as_long(scale, late):
-    """A fit without the delay is far off. The odds are those of a lateness by the delay's prior and a timing error
-    together over one by a timing error alone.
+def test_a_delay_is_a_second_effect_if_no_timing_error_is_as_long(scale, late, slope):
+    """A fit without the delay is far off, or moves otherwise. The odds are those of a lateness by the delay's prior and
+    a timing error together over one by a timing error alone.
     """
     delay, rng = EFFECTS[2], np.random.default_rng(11)
     late, timing, typical = 0.02 * late, norm(0.0, TIMING * 0.02), AMPLITUDE * strength(delay).value
-    noise, slope = NOISE * rng.standard_normal(TIMES.size), np.gradient(MOTION, TIMES)
-    alone = fitted(noise + 3.0 * NOISE * FAST_TONE, (FIRST, CREPT))
+    noise, missed = NOISE * rng.standard_normal(TIMES.size), 3.0 * NOISE * np.sin(2.0 * np.pi * 13.0 * TIMES)
+    alone = fitted(noise + missed, (FIRST, CREPT))
     pair = fitted(
         noise + (strength(delay).value - late) * slope, (FIRST, CREPT), (delay, -strength(delay).value * slope)
     )
@@ -160,6 +163,9 @@ def test_a_delay_is_a_second_effect_if_no_timing_error_is_as_long(scale, late):
     expected = np.log(both / timing.pdf(late)) + np.log(2.0) + pair_odds(3)
     assert scale.of_two(pair, alone) == pytest.approx(expected, abs=0.7)
     assert (expected > STRONG) == (late > 0.01)
+    assert scale.of_two(pair, alone) == scale.of_two(pair, alone, (pair,))
+    beside = fitted(noise, (FIRST, CREPT), (SECOND, CREPT[::-1]))
+    assert scale.of_two(beside, alone, (pair,)) < scale.of_two(beside, alone)
 
 
 @pytest.mark.parametrize("shape", [EARLIER, FAST_TONE])
