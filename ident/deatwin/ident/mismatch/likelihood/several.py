@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -140,16 +140,14 @@ def later(plant: Plant, parts: Sequence[Part], readings: np.ndarray, shift: floa
     delay = Delay() if sizes is None else sizes.of(Delay())
     # half of the range, so that a delay that the plant already has can move either way
     step = min(shift, 0.5 * delay.described(delay.strength).upper)
-    if name in plant.parameters:
-        now = plant.parameters[name].value
-        step = step if now < step else -step
-        moved = simulated(plant.with_values({name: now + step}), parts)
-    else:
-        moved = simulated(plant.with_effects(replace(delay, time=step)), parts) if plant.accepts(delay) else None
+    known = plant.parameters[name].value if name in plant.parameters else 0.0
+    change = step if known < step else -step
+    late = plant if name in plant.parameters else plant.with_effects(delay) if plant.accepts(delay) else None
+    moved = None if late is None else simulated(late.with_values({name: known + change}), parts)
     if moved is None:
         records = np.repeat(np.arange(len(parts)), [part.size for part in parts])
         return -shift * structured.slope(readings, np.concatenate([part.timepts for part in parts]), records)
-    return (moved - readings) * (shift / step)
+    return (moved - readings) * (shift / change)
 
 
 def products_of(error: OwnError, rows: np.ndarray) -> np.ndarray:
