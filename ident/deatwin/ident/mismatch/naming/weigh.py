@@ -19,8 +19,8 @@ law and an inexact one have equal prior probability.
 
 A short delay beside an effect is what the plant's own timing error is. A fit of the effect alone cannot follow such an
 error, and readings are not linear in the parameters over the distance. So the evidence of the effect alone is also
-evaluated at the fit with a delay, whose prior is then that of the timing error; the larger value counts. The
-derivative by a delay is also the column of the timing error wherever a set has one.
+evaluated at the fit with a delay, whose prior is then that of the timing error; the larger value counts. The column of
+the timing error stays as in all other sets: it belongs to the motion of the base plant, and a delay to that of its own.
 """
 
 from __future__ import annotations
@@ -177,11 +177,6 @@ class Scale:
         of_effects = [p.name.partition(".")[0] in effects for p in parameters]
         at = np.where(of_effects, [p.scale.to_coordinate(p.value) for p in parameters], mean)
         columns = np.column_stack([fit.jacobian[:, moves] * spread, self.error.columns])
-        # In a plant with a delay, this delay shows exactly what a timing error does.
-        first, timing = self.error.at[0], at.size + int(np.flatnonzero(self.error.of[0].of_timing)[0])
-        for p, slope in zip(parameters, fit.jacobian[:, moves].T, strict=True):
-            if p.name in self._delays:
-                columns[first, timing] = 0.0 if p.name == late else step * slope[first]
         sided = [k for k, one in enumerate(known) if one.one_sided]
         prior = Prior.of((at.size, (at - mean) / spread), (columns.shape[1] - at.size, None), one_sided=sided)
         factor = sum(k.log_factor for k in known)

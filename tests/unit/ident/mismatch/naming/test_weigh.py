@@ -145,22 +145,27 @@ def test_of_two_that_do_nothing_the_odds_are_at_most_those_beforehand(scale):
     assert np.mean([odds(scale, 0.0, rng) for _ in range(10)]) < pair_odds(3)
 
 
-@pytest.mark.parametrize("slope", [np.gradient(MOTION, TIMES), 3e-3 * FAST_TONE], ids=["base", "other motion"])
+@pytest.mark.parametrize("alike", [True, False], ids=["motion of the base plant", "another motion"])
 @pytest.mark.parametrize("late", [0.1, 1.0], ids=["a tenth of a sample", "a sample"])
-def test_a_delay_is_a_second_effect_if_no_timing_error_is_as_long(scale, late, slope):
-    """A fit without the delay is far off, or moves otherwise. The odds are those of a lateness by the delay's prior and
-    a timing error together over one by a timing error alone.
+def test_a_delay_is_a_second_effect_if_no_timing_error_is_as_long(scale, late, alike):
+    """A fit without the delay is far off. The odds are those of a lateness by the delay's prior over one by the prior of
+    a timing error; if both motions are alike, the base plant's timing error adds to either.
     """
     delay, rng = EFFECTS[2], np.random.default_rng(11)
-    late, timing, typical = 0.02 * late, norm(0.0, TIMING * 0.02), AMPLITUDE * strength(delay).value
+    late, own, typical = 0.02 * late, TIMING * 0.02, AMPLITUDE * strength(delay).value
+    slope = np.gradient(MOTION, TIMES) if alike else 3e-3 * FAST_TONE
     noise, missed = NOISE * rng.standard_normal(TIMES.size), 3.0 * NOISE * np.sin(2.0 * np.pi * 13.0 * TIMES)
     alone = fitted(noise + missed, (FIRST, CREPT))
     pair = fitted(
         noise + (strength(delay).value - late) * slope, (FIRST, CREPT), (delay, -strength(delay).value * slope)
     )
     delays = np.linspace(0.0, 0.1, 20001)
-    both = trapezoid(2.0 * cauchy(scale=typical).pdf(delays) * timing.pdf(late - delays), delays)
-    expected = np.log(both / timing.pdf(late)) + np.log(2.0) + pair_odds(3)
+    law = 2.0 * cauchy(scale=typical).pdf(delays)
+    pairs, timing = np.interp(late, delays, law), norm(0.0, own).pdf(late)
+    if alike:
+        pairs = trapezoid(law * norm(0.0, own).pdf(late - delays), delays)
+        timing = norm(0.0, np.sqrt(2.0) * own).pdf(late)
+    expected = np.log(pairs / timing) + np.log(2.0) + pair_odds(3)
     assert scale.of_two(pair, alone) == pytest.approx(expected, abs=0.7)
     assert (expected > STRONG) == (late > 0.01)
     assert scale.of_two(pair, alone) == scale.of_two(pair, alone, (pair,))
