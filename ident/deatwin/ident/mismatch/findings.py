@@ -99,8 +99,8 @@ class Findings:
         # sizes are those that the likelihood expects.
         whole = self.problem.everything
         parts = whole if fit.residuals.size == sum(part.size for part in whole) else self.problem.fitted
-        readings = readings_of_fit(parts, fit.residuals)
-        own = own_errors(fit.plant, parts, readings, self.base.noise, self.problem.expected_error)
+        rig, readings = self.problem.nominal.rig, readings_of_fit(parts, fit.residuals)
+        own = own_errors(rig, parts, readings, self.base.noise, self.problem.expected_error)
         columns = own.columns_after(fit.residuals, fit.jacobian)
         return replace(fit, covariance=with_errors(fit.covariance, fit.jacobian, columns))
 

@@ -8,7 +8,7 @@ noise; the other is refitted to all readings, to first order. The log odds follo
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -111,7 +111,6 @@ class Prices:
 
     question: Question
     beside: tuple[_Beside, ...]
-    _known: dict[int, OwnErrors] = field(default_factory=dict, init=False, repr=False)
 
     def among(self, explanations: Collection[int]) -> tuple[PricedReading, ...]:
         """Return the readings, the best first, that distinguish some explanations, given by number."""
@@ -153,18 +152,14 @@ class Prices:
         """Return the model error in an unrecorded reading, for an explanation's motion."""
         problem, reading = self.question.problem, replace(one.reading, noise=one.sensor.noise)
         parts = [replace(part, reading=reading.name, levels=None) for part in first_only(problem.fitted)]
-        plant = self.question.fits[truth].plant
-        read = plant.with_rig(replace(plant.rig, further=(reading,)))
-        return own_errors(read, parts, one.signals[truth][0], 0.0, 0.0).of[0]
+        rig = replace(problem.nominal.rig, further=(reading,))
+        return own_errors(rig, parts, one.signals[truth][0], 0.0, 0.0).of[0]
 
     def _errors(self, truth: int) -> OwnErrors:
         """Return the model error in the recorded readings, for an explanation's motion."""
-        if truth not in self._known:  # it takes a simulation
-            problem, fit = self.question.problem, self.question.fits[truth]
-            readings = readings_of_fit(problem.fitted, fit.residuals)
-            found = own_errors(fit.plant, problem.fitted, readings, self.question.noise, problem.expected_error)
-            self._known[truth] = found
-        return self._known[truth]
+        problem = self.question.problem
+        readings = readings_of_fit(problem.fitted, self.question.fits[truth].residuals)
+        return own_errors(problem.nominal.rig, problem.fitted, readings, self.question.noise, problem.expected_error)
 
     def _own(self, number: int) -> np.ndarray:
         """Return the products (p + 1, p + 1) of derivatives and difference of a pair, in the recordings."""

@@ -16,6 +16,7 @@ from deatwin.ident.mismatch.likelihood.model import LogNormal, Reading
 from deatwin.ident.mismatch.likelihood.whitening import grams
 from deatwin.plant.effects.delay import Delay
 from deatwin.plant.model import Plant
+from deatwin.plant.rigs.base import Rig
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,25 +98,34 @@ class OwnErrors:
         return found
 
 
-def own_errors(plant: Plant, parts: Sequence[Part], readings: np.ndarray, noise: float, stated: float) -> OwnErrors:
-    """Return the errors of a plant with `readings`, (n,); the first reading has this `noise` and `stated` error."""
+def own_errors(
+    rig: Rig,
+    parts: Sequence[Part],
+    readings: np.ndarray,
+    noise: float,
+    stated: float,
+    late: np.ndarray | None = None,
+) -> OwnErrors:
+    """Return the errors of a plant with `readings`, (n,); the first reading has this `noise` and `stated` error.
+
+    `late`, (n,), is what `later` returns; without it, the readings of the first reading count as taken later, too.
+    """
     # A further reading has the noise that the rig states. Its error is at least the rig's share of the reading's
     # variation. It may be sampled earlier or later than the rig says, while the motion itself comes early or late.
     whole = np.repeat(np.arange(len(parts)), [part.size for part in parts])
-    rig, times, level = plant.rig, np.concatenate([part.timepts for part in parts]), level_of(parts)
+    times, level = np.concatenate([part.timepts for part in parts]), level_of(parts)
     shift = TIMING * rig.sample_time
     own, places = [], []
     for name in dict.fromkeys(part.reading for part in parts):
         at = np.flatnonzero(np.isin(whole, [k for k, part in enumerate(parts) if part.reading == name]))
+        sensor, error, change = noise, stated, -structured.slope(readings[at], times[at], whole[at])
         if not name:
-            sensor, error = noise, stated
-            late = later(plant, [part for part in parts if not part.reading], readings[at], shift)
+            change = change if late is None else late[at]
         else:
             weight = next(part.weight for part in parts if part.reading == name)
             further = next(reading for reading in rig.further if reading.name == name)
             sensor = weight * further.noise
             error = max(weight * further.model_error, rig.share_of_motion * float(np.std(readings[at])))
-            late = -shift * structured.slope(readings[at], times[at], whole[at])
         own.append(
             OwnError(
                 readings=readings[at],
@@ -125,7 +135,7 @@ def own_errors(plant: Plant, parts: Sequence[Part], readings: np.ndarray, noise:
                 sample_time=rig.sample_time,
                 noise=max(sensor, ACCURACY * float(np.std(readings[at]))),
                 stated=error,
-                late=late,
+                late=shift * change,
             )
         )
         places.append(at)
@@ -133,7 +143,9 @@ def own_errors(plant: Plant, parts: Sequence[Part], readings: np.ndarray, noise:
 
 
 def later(plant: Plant, parts: Sequence[Part], readings: np.ndarray, shift: float) -> np.ndarray:
-    """Return the change of a plant's `readings`, (n,), if the command acted later by `shift`, s."""
+    """Return the derivative of a plant's `readings` by the time at which the command acts, (n,), with steps of `shift`,
+    s.
+    """
     # The command jumps at the sample times, so the motion has corners there, and its slope before a sample is not that
     # which neighbouring readings show.
     name, sizes = f"{Delay.name}.time", plant.rig.sizes
@@ -146,8 +158,8 @@ def later(plant: Plant, parts: Sequence[Part], readings: np.ndarray, shift: floa
     moved = None if late is None else simulated(late.with_values({name: known + change}), parts)
     if moved is None:
         records = np.repeat(np.arange(len(parts)), [part.size for part in parts])
-        return -shift * structured.slope(readings, np.concatenate([part.timepts for part in parts]), records)
-    return (moved - readings) * (shift / change)
+        return -structured.slope(readings, np.concatenate([part.timepts for part in parts]), records)
+    return (moved - readings) / change
 
 
 def products_of(error: OwnError, rows: np.ndarray) -> np.ndarray:

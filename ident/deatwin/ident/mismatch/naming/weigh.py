@@ -48,7 +48,7 @@ from deatwin.ident.mismatch.likelihood.beforehand import (
 )
 from deatwin.ident.mismatch.likelihood.model import Prior
 from deatwin.ident.mismatch.likelihood.scales import evidence
-from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors
+from deatwin.ident.mismatch.likelihood.several import OwnErrors, later, own_errors
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.naming.criteria import inwards
@@ -152,8 +152,9 @@ class Scale:
     def error(self) -> OwnErrors:
         """Return the model error in each reading, for the motion of the base plant."""
         parts, fit = self.problem.fitted, self.base.calibration
-        readings = readings_of_fit(parts, fit.residuals)
-        return own_errors(fit.plant, parts, readings, self.noise, self.problem.expected_error)
+        rig, readings = self.problem.nominal.rig, readings_of_fit(parts, fit.residuals)
+        late = later(fit.plant, parts, readings, TIMING * rig.sample_time)
+        return own_errors(rig, parts, readings, self.noise, self.problem.expected_error, late)
 
     def _columns(self, candidate: Candidate, late: str = "") -> tuple[np.ndarray, Prior, float]:
         """Return the columns of parameters and model error, scaled by prior deviations, (n, k), the fit's prior, and

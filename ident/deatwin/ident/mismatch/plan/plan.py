@@ -211,7 +211,7 @@ def _seen(
     moves = problem.smooth()
     spreads = np.array([deviation(plant.parameters[name]) for name in problem.names])
     readings = np.concatenate([part.measured for part in parts])
-    error = own_errors(whole, parts, readings, _noise(whole.rig, record), whole.rig.model_error)
+    error = own_errors(whole.rig, parts, readings, _noise(whole.rig, record), whole.rig.model_error)
     found = run_jobs(_changes, [(whole, effect, parts) for effect in effects], workers=jobs, finished=finished)
     changes = [change for of_one in found for change in of_one]
     shown, slopes = {change.effect for change in changes}, run[1][:, moves]
