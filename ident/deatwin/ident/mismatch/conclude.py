@@ -166,8 +166,8 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
         name = "+".join(other.effects)
         if name in near and name not in known and not is_possible(other, naming.best):
             yield (
-                f"{_in_words(other)} would fit these recordings as well (squared distance d² = {near[name]:.2g}), but only at an unusual strength, "
-                "so this explanation does not count as an alternative"
+                f"{_in_words(other)} would fit these recordings as well (squared distance d² = {near[name]:.2g}), "
+                "but only at an unusual strength, so this explanation does not count as an alternative"
             )
 
 

@@ -108,7 +108,7 @@ def own_errors(
 ) -> OwnErrors:
     """Return the errors of a plant with `readings`, (n,); the first reading has this `noise` and `stated` error.
 
-    `late`, (n,), is what `later` returns; without it, the readings of the first reading count as taken later, too.
+    `late`, (n,), is what `later` returns; without it, samples of the first reading count as taken later, too.
     """
     # A further reading has the noise that the rig states. Its error is at least the rig's share of the reading's
     # variation. It may be sampled earlier or later than the rig says, while the motion itself comes early or late.
@@ -118,10 +118,9 @@ def own_errors(
     own, places = [], []
     for name in dict.fromkeys(part.reading for part in parts):
         at = np.flatnonzero(np.isin(whole, [k for k, part in enumerate(parts) if part.reading == name]))
-        sensor, error, change = noise, stated, -structured.slope(readings[at], times[at], whole[at])
-        if not name:
-            change = change if late is None else late[at]
-        else:
+        sensor, error = noise, stated
+        change = -structured.slope(readings[at], times[at], whole[at]) if name or late is None else late[at]
+        if name:
             weight = next(part.weight for part in parts if part.reading == name)
             further = next(reading for reading in rig.further if reading.name == name)
             sensor = weight * further.noise
@@ -142,9 +141,9 @@ def own_errors(
     return OwnErrors(of=tuple(own), at=tuple(places))
 
 
-def later(plant: Plant, parts: Sequence[Part], readings: np.ndarray, shift: float) -> np.ndarray:
+def later(plant: Plant, parts: Sequence[Part], readings: np.ndarray, shift: float) -> np.ndarray | None:
     """Return the derivative of a plant's `readings` by the time at which the command acts, (n,), with steps of `shift`,
-    s.
+    s; None if it cannot be simulated.
     """
     # The command jumps at the sample times, so the motion has corners there, and its slope before a sample is not that
     # which neighbouring readings show.
@@ -156,10 +155,7 @@ def later(plant: Plant, parts: Sequence[Part], readings: np.ndarray, shift: floa
     change = step if known < step else -step
     late = plant if name in plant.parameters else plant.with_effects(delay) if plant.accepts(delay) else None
     moved = None if late is None else simulated(late.with_values({name: known + change}), parts)
-    if moved is None:
-        records = np.repeat(np.arange(len(parts)), [part.size for part in parts])
-        return -structured.slope(readings, np.concatenate([part.timepts for part in parts]), records)
-    return (moved - readings) / change
+    return None if moved is None else (moved - readings) / change
 
 
 def products_of(error: OwnError, rows: np.ndarray) -> np.ndarray:

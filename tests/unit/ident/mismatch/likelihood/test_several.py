@@ -11,49 +11,39 @@ from deatwin.ident.greybox.parts import Part, simulated
 from deatwin.ident.mismatch.likelihood.beforehand import TIMING, OwnError
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior
 from deatwin.ident.mismatch.likelihood.scales import evidence
-from deatwin.ident.mismatch.likelihood.several import OwnErrors, later
+from deatwin.ident.mismatch.likelihood.several import OwnErrors, later, own_errors
 from deatwin.plant import Delay, Experiment, Plant, Recording
 
 N, DT, NOISE = 2000, 0.02, 1e-6
 TIMES = DT * np.arange(N)
 READINGS = 1e-4 * np.sin(2 * np.pi * 3.0 * TIMES)
-LATE = -TIMING * DT * np.gradient(READINGS, DT)
+OWN = OwnError(
+    readings=READINGS,
+    late=-TIMING * DT * np.gradient(READINGS, DT),
+    times=TIMES,
+    records=np.zeros(N, dtype=int),
+    sample_time=DT,
+    noise=NOISE,
+    stated=1e-6,
+)
 
 
 @pytest.mark.parametrize("late", [0.0, 0.05])
 def test_timing_keeps_the_size_that_residuals_show_and_bends_that_of_the_rig(late: float) -> None:
-    own = OwnError(
-        readings=READINGS,
-        late=LATE,
-        times=TIMES,
-        records=np.zeros(N, dtype=int),
-        sample_time=DT,
-        noise=NOISE,
-        stated=1e-6,
-    )
-    errors = OwnErrors(of=(own,), at=(np.arange(N),))
+    errors = OwnErrors(of=(OWN,), at=(np.arange(N),))
     noise = NOISE * np.random.default_rng(0).standard_normal(N)
     residuals = np.gradient(READINGS, DT) * late * DT + noise
     # The fit's own gain and level; neither does what a shift in time does.
     columns = errors.columns_after(residuals, np.column_stack([READINGS, np.ones(N)]))
     sizes = np.linalg.norm(columns, axis=0) / np.linalg.norm(errors.columns, axis=0)
-    timing = own.of_timing
+    timing = OWN.of_timing
     assert timing.sum() == 1 and sizes[~timing] == pytest.approx(1.0)
     # Known from so many samples to 0.001 of a sample: noise / (largest velocity * sample time * sqrt(n / 2)).
     assert sizes[timing] == pytest.approx(late / TIMING, abs=4 * 0.001 / TIMING)
 
 
 def test_a_further_reading_has_no_sample_times_of_its_own() -> None:
-    own = OwnError(
-        readings=READINGS,
-        late=LATE,
-        times=TIMES,
-        records=np.zeros(N, dtype=int),
-        sample_time=DT,
-        noise=NOISE,
-        stated=1e-6,
-    )
-    both = OwnErrors(of=(own, replace(own, records=np.ones(N, dtype=int))), at=(np.arange(N), N + np.arange(N)))
+    both = OwnErrors(of=(OWN, replace(OWN, records=np.ones(N, dtype=int))), at=(np.arange(N), N + np.arange(N)))
     assert both.moments == N
 
 
@@ -61,14 +51,12 @@ def test_noise_whose_level_varies_is_that_of_a_dense_covariance():
     """Of readings, not residuals over the level: the densities differ by the product of all levels."""
     rng, n = np.random.default_rng(1), 60
     level, slope = 1.0 + 3.0 * rng.uniform(size=n), rng.standard_normal((n, 1)) * 1e-6
-    own = OwnError(
+    own = replace(
+        OWN,
         readings=READINGS[:n],
-        late=LATE[:n],
+        late=OWN.late[:n],
         times=TIMES[:n],
         records=(np.arange(n) >= 40).astype(int),
-        sample_time=DT,
-        noise=NOISE,
-        stated=1e-6,
         level=level,
     )
     left = 2e-6 * rng.standard_normal(n)
@@ -133,5 +121,6 @@ def test_a_rig_that_admits_no_delay_is_late_by_the_slope_of_its_reading(oscillat
     readings = simulated(plant, parts)
     earlier = simulated(plant, (Part.whole(experiment(np.sin(0.5 * (TIMES - 0.1 * DT)))),))
     settled = (TIMES > 10.0) & (TIMES < TIMES[-1])
-    change = 0.1 * DT * later(plant, parts, readings, 0.1 * DT)
+    (own,) = own_errors(plant.rig, parts, readings, NOISE, 0.0, later(plant, parts, readings, 0.1 * DT)).of
+    change = own.late * 0.1 / TIMING
     np.testing.assert_allclose(change[settled], (earlier - readings)[settled], atol=1e-3 * np.abs(change).max())
