@@ -6,7 +6,7 @@ from deatwin.plant.errors import DeatwinError
 
 
 class ControlError(DeatwinError, ValueError):
-    """Error in a controller, in a specification, or in an argument of a function of `deatwin.control`."""
+    """Raised if an argument of `deatwin.control` is invalid, or if a controller cannot be designed."""
 
 
 class MissingPackageError(DeatwinError, ImportError):

@@ -8,7 +8,7 @@ from deatwin.plant.substance import Branch as Branch
 from deatwin.plant.substance import Material as Material
 
 MATERIALS = PUBLISHED
-"""Published materials, by their names in rig files."""
+"""Materials with published parameters; the keys are their names in rig files."""
 
 
 def material(name: str | Material) -> Material:

@@ -84,41 +84,43 @@ def check(
     samples: int = 200,
     progress: Progress | None = None,
 ) -> Check:
-    """Design a controller on an identified model and judge it on the model's posterior and on physics plants.
+    """Design a controller on an identified model, and judge it on draws from the model's posterior and on plants.
 
     Parameters
     ----------
     model : NarxModel
         Model identified from recordings of the actuator.
     plant : Plant or CalibratedPlant
-        Physics model that stands for the actuator. For a calibrated plant, draws of its parameters are judged too.
+        Physics model that stands for the actuator. If the plant is calibrated, the controller is also judged on draws
+        of the plant's parameters.
     rng : numpy.random.Generator
-        Random generator for the draws of the model and for the sensor noise.
+        Random generator for all draws of parameters and for the sensor noise.
     design : callable, optional
-        Function called as ``design(linear, command_limits=(low, high))`` that returns a controller; `lambda_tuning` by
-        default. ``linear`` includes the delay of the loop (`LinearModel.in_loop`).
+        Function that returns a controller, called as ``design(linear, command_limits=(low, high))``; `lambda_tuning`
+        by default. ``linear`` is the linearised model with the delay of the loop (`LinearModel.in_loop`).
     controller : Controller, optional
-        Existing controller to judge instead of designing one; the loop is then closed at its operating input.
+        Existing controller to judge instead of designing one. The loop is then closed at the controller's operating
+        input, and `operating_input` is ignored.
     operating_input : float, optional
         Constant input about which the loop is closed, in its unit; the mean of the training inputs by default.
     operating_inputs : array_like, shape (n,), optional
-        Further operating points at which margins are judged, in the input's unit; by default five that cover the
-        commands needed by the check's references. The controller's own operating point is always included.
+        Further constant inputs at which margins are judged, in the input's unit. By default five, evenly spaced over
+        the commands that the simulated references need. The controller's operating input is always included.
     closed_loop_time : float, optional
         Desired time constant lambda of the closed loop for the default design, s; see `lambda_tuning`.
     command_limits : (float, float), optional
         Least and largest command, in its unit; the range of the training data by default.
     recording : Recording, optional
-        Recording from which the model was identified. It gives the excited band and the size of the free-run residual.
-        Without the recording, both come from the model's provenance, if it holds them; a quantity that is unknown is
-        not judged.
+        Recording from which the model was identified. The excited band and the size of the free-run residual are
+        computed from the recording. Without it, they are read from ``model.provenance``. What depends on an unknown
+        band or residual is not judged.
     specification : Specification, optional
         Requirements on the closed loop; the margins recommended by textbooks by default.
     others : mapping of str to Plant or CalibratedPlant, optional
-        Further plants that the actuator may be, by name: alternatives that a diagnosis could not distinguish, or other
-        actuators of a fleet. They are judged like the plant.
+        Further plants, by name, such as alternative explanations from a diagnosis or other actuators of a fleet. The
+        controller is judged on them as on `plant`, but only with their nominal parameters.
     trajectory : ThetaTrajectory, optional
-        Trajectory of the parameters of a time-varying model; margins are then judged along it as well.
+        Trajectory of the parameters of a time-varying model; margins are then judged along the trajectory, too.
     samples : int
         Number of draws from the model's posterior.
     progress : callable, optional
@@ -127,19 +129,17 @@ def check(
     Returns
     -------
     Check
-        Result of the check. It fails, with the reason, if no controller can be designed or if the model's free run
-        diverges on the recording.
+        Result of the check. The verdict is ``FAIL``, with the reason, if no controller can be designed or if the
+        model's free run diverges on the recording.
 
     Raises
     ------
     ModelError
-        If model and plants do not have the same signals and sampling time, or the operating input lies outside the
-        training data.
+        If model, plants and recording do not belong together, for example because units or sampling times differ, or
+        if an operating input lies outside the training data.
     ControlError
-        If an argument has the wrong type, or the command limits are invalid; if the controller is invalid, has another
-        sampling time, or has so long a closed-loop time that the runs would take too long; if `design` does not return
-        a controller, or the controller's `local` does not return a law; or if one of these two functions raises an
-        exception that is not deatwin's (it is chained).
+        If an argument is invalid, if the closed-loop time is too long to be simulated, or if the user's `design` or
+        `Controller.local` returns a wrong type or raises a foreign exception (which is chained).
     """
     if controller is not None:
         require_controller(controller, model)

@@ -117,8 +117,7 @@ def _infinite(values: Mapping[str, Any]) -> dict[str, Any]:
 class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_document):
     """Result of `check`: the verdict on a controller before it is used on the actuator, and the reasons.
 
-    The model is the identified NARX model, the plant is the physics model that stands for the actuator, and draws are
-    samples of the uncertain parameters of either.
+    The model is the identified NARX model. The plant is the physics model that stands for the actuator.
 
     Parameters
     ----------
@@ -127,25 +126,26 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
     operating : OperatingPoint
         Operating point at which the model was linearised.
     controller : Controller or None
-        Controller that was judged; None if no controller could be designed. In that case the fields below are empty
-        too.
+        Controller that was judged; None if no controller could be designed. In that case margins, runs and predictions
+        are missing, too.
     margins : MarginRow or None
         Margins on the model at the controller's operating point.
     table : tuple of MarginRow
-        Margins of the model, the plant and the other plants over operating points, and over time if the model varies.
+        Margins with one row for each system (the model, the plant and each other plant) and operating point. For a
+        time-varying model there is also one row for each time.
     excited_band_Hz : float or None
         Upper end of the band that the recording excited, Hz; None if it is not known.
     steps, sine : ClosedLoop or None
-        Closed-loop runs on the plant, with a step and a sine reference.
+        Simulated closed-loop runs on the plant, with a step reference and with a sine reference.
     others : mapping of str to ClosedLoop
         Runs of the step reference on the other plants, by the plants' names.
     predicted : PredictedLoop or None
-        The model's prediction of the step run. Only its band is saved in the file.
+        The model's prediction of the run `steps`. A saved file contains only the band of the prediction.
     sine_predicted : float or None
-        Rms error that the model predicts for the sine reference, in the output's unit.
+        Rms control error that the model predicts for the sine reference, in the output's unit.
     caveats : tuple of str
-        Further remarks: residual tests that the model failed, a biased model, or a controller without a part that the
-        design should have, such as the proportional part. They do not affect the verdict.
+        Remarks that do not affect the verdict, for example that the model failed a residual test, or that the
+        controller has no proportional part.
     """
 
     findings: tuple[Finding, ...]
@@ -187,7 +187,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
 
     @property
     def reason(self) -> str:
-        """Texts of all findings that are as severe as the verdict; empty if the verdict is `pass`."""
+        """Texts of all findings with this verdict; if the verdict is `pass`, one text that all requirements are met."""
         if self.verdict is Verdict.PASS:
             tuned = "controller" if self.controller is None else f"{self.controller.name} controller"
             return f"the {tuned} meets all requirements{self._where}"
@@ -204,7 +204,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
 
     @property
     def least_margins(self) -> dict[str, float]:
-        """The least gain margin and phase margin (degrees) of the whole table, including draws."""
+        """Least gain margin (factor) and phase margin (degrees) in all rows of the table, draws included."""
         rows = self.table
         return {
             "gain": min((row.gain_low for row in rows), default=inf),

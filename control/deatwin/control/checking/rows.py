@@ -34,7 +34,7 @@ class OperatingPoint:
     static_gain : float or None
         Static gain, output unit per input unit; None if the model does not settle.
     status : LinearStatus
-        Status of the linear model; it says whether a controller could be designed there.
+        Status of the linear model, which states whether a controller can be designed at this operating point.
     sample_time : float
         Sampling time, s.
     input_unit, output_unit : str
@@ -66,27 +66,29 @@ class OperatingPoint:
 
 @dataclass(frozen=True, kw_only=True)
 class MarginRow:
-    """Margins at one operating point. A margin is infinite if nothing bounds it, and zero if the loop is unstable.
+    """Margins of one loop. A margin is infinite if no change makes the loop unstable, and 0 if the loop is unstable.
 
     Parameters
     ----------
     source : str
-        System whose linear model is judged: ``model``, ``plant``, or the name of another plant. ``model, linearised``
-        stands for the model with its uncertainty to first order (`band_margins`) instead of draws.
+        Linearised system in the loop: ``model``, ``plant``, or the name of another plant. In a row of ``model,
+        linearised``, limits follow from the parameters' covariance to first order (`band_margins`) instead of draws. In
+        a row ending with ``in large motions``, the plant is linearised without its friction.
     operating_input : float
         Constant input at the operating point, in the input's unit.
     time : float or None
         Time on the experiment's clock, s; None unless the model varies in time.
     gain, phase_deg, delay, disk, crossover_Hz : float
-        Gain margin (factor), phase margin (degrees), delay margin (s), disk margin and crossover frequency (Hz) of the
-        source itself.
+        Gain margin (factor), phase margin (degrees), delay margin (s), disk margin and crossover frequency (Hz) with
+        the estimated parameters.
     gain_low, phase_low_deg, delay_low, disk_low : float
-        2.5 % quantiles of these margins over the draws, in the same units.
+        2.5 % quantiles of these margins over the draws, in the same units; for ``model, linearised`` lower limits of
+        the 95 % band.
     stable_share : float
-        Share of the draws with a stable closed loop. For ``model, linearised`` it is 1 if all loops of the band are
-        stable, and otherwise the probability of a stable loop to first order.
+        Share of the draws with a stable loop; 0 if the loop with the estimated parameters is unstable. For ``model,
+        linearised``: 1 if all loops in the 95 % band are stable, otherwise the probability of stability to first order.
     samples : int
-        Number of draws, the source itself included.
+        Number of draws, including the estimated parameters.
     """
 
     source: str

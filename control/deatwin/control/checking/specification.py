@@ -30,14 +30,15 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """Requirement on a number: it passes if it reaches `good`, is marginal if it reaches `poor`, and otherwise fails.
+    """Requirement on a number. The number passes if it reaches `good`, is marginal if it reaches `poor`, else fails.
 
     Parameters
     ----------
     good, poor : float
-        Limits of `pass` and of `marginal`, in the unit of the number. Larger is better if ``good`` is above ``poor``.
+        Limits of the verdicts pass and marginal, in the unit of the number. If `good` is above `poor`, larger numbers
+        are better; otherwise smaller ones are.
     unit : str
-        Unit shown to the user; ``%`` for a share.
+        Unit for texts; ``%`` if the number is a share from 0 to 1.
 
     Raises
     ------
@@ -58,25 +59,26 @@ class Limit:
             )
 
     def judge(self, value: float) -> Verdict:
-        """Judge a `value` in the unit of the limit; NaN fails."""
+        """Return the verdict on a `value`, in the unit of the limit; NaN fails."""
         sign = 1.0 if self.more_is_better else -1.0
         if sign * value >= sign * self.good:
             return Verdict.PASS
         return Verdict.MARGINAL if sign * value >= sign * self.poor else Verdict.FAIL
 
     def room(self, value: float) -> float:
-        """Return the room between a number and the limit of `pass`, as a share of the possible room.
+        """Return the distance from `good` to a value, as a share of the distance to the best possible value.
 
         Parameters
         ----------
         value : float
-            Number, in the unit of the limit.
+            Value, in the unit of the limit.
 
         Returns
         -------
         float
-            0 at the limit, 1 at the best possible value, negative outside. The best value is 1 (100 %) for a share if
-            more is better, infinity for any other number if more is better, and 0 if less is better.
+            0 at `good`, 1 at the best possible value, negative if the value does not pass. If smaller values are
+            better, the best value is 0. If larger ones are better, it is 1 (100 %) for a share, and otherwise infinity;
+            in the last case the result is ``1 - good/value``.
 
         Examples
         --------
@@ -121,42 +123,44 @@ class Specification:
     delay_samples : Limit
         Delay margin, samples: a command that comes one sample late must not make the loop unstable.
     disk : Limit
-        Symmetric disk margin. Values of 2/3 and 0.4 correspond to gain margins of 2 and 1.5, but also allow
-        simultaneous changes of the phase.
+        Symmetric disk margin. Values of 2/3 and 0.4 imply gain margins of 2 and 1.5, and also tolerate simultaneous
+        changes of gain and phase.
     stable_share : Limit
-        Share of the posterior's draws with a stable closed loop.
+        Share of the draws from the posterior for which the closed loop is stable.
     overshoot : Limit
         Overshoot of a step, as a share of the step. The defaults are approximately the overshoots at phase margins of
         45 and 30 degrees in a second-order loop (Åström & Murray, sections 6.3 and 9.3).
     steady_error : Limit
-        Mean error in the last third of a level of a step reference, as a share of the step; integral action brings it
-        to zero.
+        Mean error in the last third of a level of a step reference, as a share of the step; integral action brings the
+        error to zero.
     ripple : Limit
-        Rms motion in the last third of a level, as a share of the step; large values mean ringing or a limit cycle.
+        Standard deviation of the error in the last third of a level, as a share of the step. Ringing or a limit cycle
+        makes it large.
     saturated : Limit
         Share of samples whose command is at a limit.
     tracking : Limit
-        Rms error on a slow sine, divided by the error that the model predicts.
+        Rms error for a slow sine reference, divided by the rms error that the model predicts.
     diverged : Limit
-        Share of the model's draws whose own closed loop diverges.
+        Share of the draws from the model's posterior whose simulated closed loop diverges.
     width : Limit
-        Half width of the predicted band relative to the step; a band that reaches more than a step to either side is
-        too uncertain to pass.
+        Half width of the predicted band of the output, divided by the height of the step. A band wider than this is
+        marginal, because nearly every run would lie inside it.
     inside : Limit
-        Share of a run that lies inside the simultaneous band predicted by the model.
+        Share of the samples of a simulated run that lie inside the band that the model predicts.
     limit_cycle : Limit
-        Amplitude of a predicted stable limit cycle, as a share of a step.
+        Amplitude of a predicted stable limit cycle, as a share of the step.
     safe_region : Limit
-        Amplitude of a predicted unstable limit cycle, as a share of a step; steps have to stay inside it.
+        Amplitude of a predicted unstable limit cycle, as a share of the step. From larger amplitudes the loop does not
+        return to rest.
     reserve : float
-        Share by which a check tightens the limits of overshoot, steady-state error, ripple and saturation, because it
-        tries the controller on a plant and not on the actuator itself (our choice).
+        Share by which `check` lowers the ``good`` limits of overshoot, steady-state error, ripple and saturation,
+        because it simulates a plant instead of measuring the actuator.
 
     Raises
     ------
     ControlError
-        If a limit is not a `Limit` or has its good and poor values swapped, if a gain margin is below 1, or if the
-        reserve is not a share.
+        If a limit is not a `Limit`, if its `good` and `poor` are swapped, if a limit of the gain margin is below 1, or
+        if the reserve is negative or at least 1.
     """
 
     gain: Limit = Limit(good=2.0, poor=1.5)
@@ -196,7 +200,7 @@ class Specification:
 
     @property
     def on_a_stand_in(self) -> Specification:
-        """Requirements for runs on a plant that replaces the actuator: tightened by the reserve."""
+        """Requirements for simulated runs on a plant: the same requirements, tightened by the reserve."""
         names = ("overshoot", "steady_error", "ripple", "saturated")
         limits: dict[str, Any] = {name: getattr(self, name) for name in names}
         kept = {n: replace(v, good=(1.0 - self.reserve) * v.good) for n, v in limits.items()}

@@ -27,14 +27,14 @@ class Finding:
     subject : str
         Name of the quantity that was judged.
     value : float or None
-        Value in the unit that the text names; None if there is none.
+        Value of the quantity, in the unit that `text` names; None if the finding has no value.
     verdict : Verdict
         Verdict on this quantity alone.
     text : str
         Finding as one plain sentence.
     room : float or None
-        Distance from the value to its limit, as `Limit.room` measures it; None if the quantity was not judged by a
-        limit.
+        Distance from the limit to the value, as a share of the distance to the best possible value (`Limit.room`). None
+        if the quantity was not judged by a limit.
     """
 
     subject: str

@@ -35,7 +35,7 @@ class Controller(ABC):
     operating_input : float
         Command about which the loop is closed, in its unit.
     operating_output : float
-        Output at rest under that command, in its unit.
+        Output at rest under the operating input, in the output's unit.
     command_min, command_max : float
         Least and largest command, in its unit.
     closed_loop_time : float
@@ -45,7 +45,7 @@ class Controller(ABC):
     Raises
     ------
     ControlError
-        If a value is not finite, or the operating input does not lie inside the limits.
+        If a value is not finite, a time is not positive, or the operating input does not lie between the limits.
     """
 
     name: str
@@ -104,11 +104,11 @@ class Controller(ABC):
 
     @abstractmethod
     def local(self, operating_input: float) -> Law:
-        """Return the linear law near a constant `operating_input`, in the input's unit, while no limit is reached."""
+        """Return the linear law for small deviations from a constant `operating_input`, in the input's unit."""
 
     @abstractmethod
     def scaled(self, factor: float) -> Self:
-        """Return the controller with its loop gain multiplied by `factor`; ControlError if that is 0 or not finite."""
+        """Return the controller with its loop gain multiplied by `factor`; the factor must be finite and not 0."""
 
     @abstractmethod
     def details(self) -> dict[str, Any]:

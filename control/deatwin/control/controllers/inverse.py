@@ -33,10 +33,10 @@ _STEPS = 60  # Largest number of steps: bisection reaches rounding in 60, Newton
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StaticCurve(Described):
-    """Strictly monotone curve of the output at rest over a constant input, with its inverse.
+    """Output at rest as a strictly monotone function of the constant input, with the inverse function.
 
-    A monotone cubic interpolant (Fritsch and Carlson) passes through the points; beyond the first and last point the
-    curve is constant.
+    Between the given points, the curve is a monotone cubic interpolant (Fritsch and Carlson). Beyond the first and last
+    point, the curve is constant.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class StaticCurve(Described):
     Raises
     ------
     ControlError
-        If there are fewer than two points, a value is not finite, or the curve cannot be inverted.
+        If there are fewer than two points, a value is not finite, or inputs or outputs are not strictly monotone.
 
     References
     ----------
@@ -114,7 +114,7 @@ class StaticCurve(Described):
 
     @taking(value=numbers)
     def output(self, value: ArrayLike) -> Array:
-        """Return the outputs at rest, in their unit, for constant inputs `value`; constant beyond the curve's ends."""
+        """Return the outputs at rest for constant inputs `value`; inputs beyond the curve's ends are clipped."""
         return np.asarray(self._forward(np.clip(value, self.inputs[0], self.inputs[-1])), dtype=np.float64)
 
     @taking(value=numbers)
@@ -124,7 +124,7 @@ class StaticCurve(Described):
 
     @taking(value=numbers)
     def input(self, value: ArrayLike) -> Array:
-        """Return the constant inputs, in their unit, that hold the outputs `value`; constant beyond the curve's ends."""
+        """Return the constant inputs that hold the outputs `value`; outputs beyond the curve's ends are clipped."""
         inputs, outputs, pieces = self._table
         wanted = np.clip(np.asarray(value, dtype=np.float64), outputs[0], outputs[-1])
         cell = np.clip(np.searchsorted(outputs, wanted, side="right") - 1, 0, pieces.size - 1)
@@ -175,10 +175,10 @@ class InverseController(Controller):
     name, sample_time, operating_input, operating_output, command_min, command_max, closed_loop_time
         See `Controller`.
     feedback : LinearController
-        Controller from reference and reading to the wanted output. Its command has the output's unit, and its gain from
-        reference to command is one (`Law.feedforward`).
+        Controller whose command is the output to ask for, in the output's unit: the reference (`Law.feedforward` with a
+        gain of one) plus the feedback of the error.
     curve : StaticCurve
-        Static curve of the actuator.
+        Static curve of the actuator, from constant input to output at rest.
     """
 
     feedback: LinearController

@@ -101,25 +101,25 @@ class Law:
         return Law(a=self.a, b=b, c=self.c, d=d)
 
     def feedforward(self, gain: float) -> Law:
-        """Return the law with the reference times `gain`, input unit per output unit, added to its command."""
+        """Return the law with `gain` (input unit per output unit) times the reference added to its command."""
         return Law(a=self.a, b=self.b, c=self.c, d=self.d + np.array([gain, 0.0]))
 
     @property
     def feedback(self) -> Polynomials:
-        """Transfer function from minus the reading to the command; its product with the model is the loop gain."""
+        """Transfer function from minus the reading to the command: numerator and denominator in powers of z^-1."""
         return self._transfer(-self.b[:, READING], -self.d[READING])
 
     def feedback_response(self, omega: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
-        """Return `feedback` at `omega` (n,) in rad/s, input unit per output unit; `sample_time` in s."""
+        """Return the frequency response (n,) of `feedback` at `omega` (n,), rad/s; `sample_time` in s."""
         numerator, denominator = self.feedback
         shift = np.exp(-1j * np.asarray(omega, dtype=np.float64) * sample_time)
         values = np.polyval(numerator[::-1], shift) / np.polyval(denominator[::-1], shift)
         return np.asarray(values, dtype=np.complex128)
 
     def lost_digits(self, sample_time: float) -> float:
-        """Return the largest relative error of `feedback`, compared with the response of the state equations.
+        """Return the largest relative rounding error of `feedback`, compared with the state equations.
 
-        `feedback` consists of polynomials. Roots that lie close together depend on the last digits of the coefficients.
+        Rounding affects the polynomials of `feedback` if their roots lie close together.
 
         Parameters
         ----------
@@ -129,8 +129,7 @@ class Law:
         Returns
         -------
         float
-            Largest relative difference at frequencies between a ten-thousandth of half the sampling rate and half the
-            sampling rate.
+            Largest relative difference at frequencies from 1e-4 times to once half the sampling rate.
         """
         angles = np.geomspace(1e-4, 1.0, 25) * np.pi
         z = np.exp(1j * angles)[:, None, None]
@@ -142,7 +141,7 @@ class Law:
 
     @property
     def prefilter(self) -> Polynomials:
-        """Transfer function from the reference to the command."""
+        """Transfer function from the reference to the command: numerator and denominator in powers of z^-1."""
         return self._transfer(self.b[:, REFERENCE], self.d[REFERENCE])
 
     @property

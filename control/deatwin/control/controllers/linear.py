@@ -21,8 +21,9 @@ Array = NDArray[np.float64]
 class LinearController(Controller):
     """Linear controller ``v = u_0 + C x + D w``, ``u = v`` within the limits, ``x(k+1) = A x + B w + L (u - v)``.
 
-    w holds the deviations of reference and reading from the operating output, x is the state, v the wanted command, u
-    the applied command, and u_0 the operating input. At a limit the states follow u instead of v (back-calculation).
+    w = (reference, reading) holds deviations from the operating output, x is the state, v the command before and u the
+    command after it is limited, and u_0 the operating input. At a limit the term L (u - v) lets the states follow u
+    (back-calculation).
 
     Parameters
     ----------
@@ -31,12 +32,13 @@ class LinearController(Controller):
     law : Law
         Linear law with matrices A, B, C and D.
     windup : ndarray, shape (n,)
-        Anti-windup gain L; A - L C has its eigenvalues inside the unit circle.
+        Anti-windup gain L. All eigenvalues of A - L C must lie inside the unit circle; otherwise the states would
+        diverge while the command is at a limit.
 
     Raises
     ------
     ControlError
-        If the shapes do not match, or the states would drift away while the command is at a limit.
+        If the shapes do not match, or an eigenvalue of A - L C does not lie inside the unit circle.
 
     References
     ----------

@@ -24,13 +24,12 @@ _ROUNDING = 1e-9  # Rounding error of the equations of rest, in units of the sta
 class ScheduledController(Controller):
     """Gain-scheduled controller: laws at several operating inputs, interpolated at the smoothed command.
 
-    The smoothed command s follows the command u with the closed-loop time T and the sampling time h,
-    ``s(k+1) = s(k) + (h/T) (u(k) - s(k))``. If the previous command were used without smoothing, a schedule with very
-    different gains could jump from limit to limit.
+    The smoothed command s is the command u after a first-order lag with the closed-loop time T:
+    ``s(k+1) = s(k) + (h/T) (u(k) - s(k))``, where h is the sampling time. Without smoothing, the command could jump
+    from limit to limit if the gains differ much.
 
-    All laws share their state of rest: if reading and reference are equal and constant, the same states give the same
-    command in each law. So switching the law changes the command only through the present error, and near rest the
-    schedule adds no feedback of its own.
+    All laws have the same state of rest: while reading and reference are equal and constant, the same state gives the
+    same command in each law. The interpolation therefore does not change the command at rest.
 
     Parameters
     ----------
@@ -39,20 +38,20 @@ class ScheduledController(Controller):
     points : ndarray, shape (m,)
         Operating inputs of the laws, increasing, in the input's unit.
     laws : tuple of Law
-        One law for each operating input; those of PI and PID controllers (`PidGains.law`) share their state of rest.
+        One law for each operating input. The laws of `PidGains.law` have the same state of rest.
     windup : ndarray, shape (m, n) or (n,)
-        Anti-windup gain as in `LinearController`, one for each law or one for all.
+        Anti-windup gains as in `LinearController`: one row for each law, or the same n gains for all laws.
 
     Raises
     ------
     ControlError
-        If there are fewer than two points, they do not increase, the laws differ in structure or in their state of
-        rest, or the states would drift away while the command is at a limit.
+        If there are fewer than two points, if the points do not increase, if the laws differ in the number of states or
+        in the state of rest, or if the states would diverge while the command is at a limit.
 
     References
     ----------
     W. J. Rugh and J. S. Shamma, "Research on gain scheduling", Automatica 36 (2000) 1401-1425: why the schedule
-    must not move the command at rest ("hidden coupling").
+    must not change the command at rest ("hidden coupling").
     """
 
     points: Array
@@ -94,7 +93,7 @@ class ScheduledController(Controller):
 
     @property
     def states(self) -> int:
-        """Number of states: those of the law, and the smoothed command."""
+        """Number of states: the states of one law, and the smoothed command."""
         return int(self.laws[0].c.size) + 1
 
     def start(self) -> Array:
@@ -113,7 +112,7 @@ class ScheduledController(Controller):
         return applied, np.concatenate([after, smooth[None]])
 
     def local(self, operating_input: float) -> Law:
-        """Return the linear law at an `operating_input`; beyond the ends, that of the first or last point."""
+        """Return the law interpolated at an `operating_input`; beyond the points, the first or last law."""
         a, b, c, d, _ = self._at(np.asarray(operating_input, dtype=np.float64))
         return Law(a=a, b=b, c=c, d=d)
 

@@ -26,7 +26,7 @@ _RIDGE = 1e-3  # Penalty relative to each column's size, which keeps the filter'
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InverseFilter:
-    """Stable filter ``F(z)`` with F(1) = 1 that approximates the inverse dynamics G(1)/G(z) on a band.
+    """Stable filter F(z) with F(1) = 1 that approximates G(1)/G(z), the inverse dynamics of a model G, on a band.
 
     Parameters
     ----------
@@ -39,7 +39,8 @@ class InverseFilter:
     band_Hz : float
         Upper end of the band, Hz.
     error : float
-        Largest |F G/G(1) - 1| on the band: the relative error of a tone if feedforward acts alone.
+        Largest |F G/G(1) - 1| on the band. This is the largest relative error of the output for a sinusoidal
+        reference in the band, if only feedforward acts.
     """
 
     a: Array
@@ -56,7 +57,7 @@ class InverseFilter:
         return np.asarray(states[:, :, 0] @ self.c + self.d, dtype=np.complex128)
 
     def before(self, law: Law) -> Law:
-        """Return `law` with the filtered reference added to its command, and the filter's states after its own."""
+        """Return `law` with the filtered reference added to its command; the filter's states come after the law's."""
         n, m = law.c.size, self.c.size
         b = np.vstack([law.b, np.stack([self.b, np.zeros(m)], axis=1)])
         a = np.block([[law.a, np.zeros((n, m))], [np.zeros((m, n)), self.a]])
@@ -67,10 +68,10 @@ class InverseFilter:
 def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     """Fit a causal filter to the inverse of a model's dynamics on a band.
 
-    The filter combines the present reference, the previous one and three first-order lags. Their weights minimise
-    ``F G/G(1) - 1`` in the least-squares sense, from a hundredth of the band to its end, where F is the filter, G the
-    model and G(1) the static gain of the model. The filter is stable even if the model has zeros outside the unit
-    circle.
+    The output of the filter is a weighted sum of the present reference, the previous reference and the reference after
+    three first-order lags. The weights minimise the squares of ``F G/G(1) - 1`` at frequencies from 1 % to 100 % of
+    `band_Hz`. F is the response of the filter, G that of the model, and G(1) the static gain of the model. The filter
+    is stable even if the model has zeros outside the unit circle.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the band is not a frequency below half the sampling rate.
+        If `band_Hz` does not lie between 0 and half the sampling rate.
     """
     h = linear.require().sample_time
     highest = 0.5 / h
@@ -111,19 +112,19 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
 
 @taking(controller=instance(InverseController), filter=instance(InverseFilter))
 def with_dynamics(controller: InverseController, filter: InverseFilter) -> InverseController:
-    """Return an inverse controller that passes the reference through a filter before feeding it forward.
+    """Return an inverse controller whose feedforward of the reference passes through a filter.
 
     Parameters
     ----------
     controller : InverseController
-        Controller that feeds the unfiltered reference forward.
+        Controller whose feedforward is the unfiltered reference, as from `with_inverse`.
     filter : InverseFilter
         Inverse filter of the model on which the controller was designed.
 
     Returns
     -------
     InverseController
-        Controller with the same feedback loop, hence the same margins.
+        Controller with the same feedback loop as `controller`, and therefore with the same margins.
     """
     inner = controller.feedback
     law = filter.before(inner.law.feedforward(-1.0))

@@ -87,8 +87,9 @@ def hinf(
 ) -> LinearController:
     """Design a sampled H-infinity mixed-sensitivity controller with integral action.
 
-    The bilinear transform to the w plane and back preserves norms, so the bounds hold for the sampled loop. The
-    controller's slowest pole, at 1e-4 of the bandwidth, is then moved to z = 1.
+    The controller is designed in the w plane. The bilinear transform preserves norms, so the bounds hold for the
+    sampled loop as well. For integral action, the slowest pole of the controller, which lies at 1e-4 times the
+    bandwidth, is finally moved to z = 1.
 
     Parameters
     ----------
@@ -97,19 +98,19 @@ def hinf(
     command_limits : (float, float)
         Least and largest command, in its unit.
     bandwidth_Hz : float
-        Frequency up to which the sensitivity stays below one, Hz. The model is not reliable beyond the band that its
-        recording excited: choose the bandwidth well inside this band.
+        Frequency up to which the sensitivity stays below one, Hz. Choose the bandwidth well inside the band that the
+        model's recording excited; the model is not reliable outside this band.
     max_sensitivity : float
         Upper bound on the sensitivity |1/(1 + L)| of the loop L at any frequency.
     effort : float
-        Upper bound on the command that a reference causes, relative to the command that holds the output at the
-        reference; beyond twice the bandwidth this bound falls with frequency.
+        Upper bound on the gain from reference to command, divided by the value of this gain at 0 Hz. Above twice the
+        bandwidth the bound falls with frequency.
 
     Returns
     -------
     LinearController
-        Controller with the sampling time of the model; it uses only the error. Its closed-loop time is the inverse of
-        the bandwidth in rad/s.
+        Controller with the sampling time of the model, which acts on the error alone. Its closed-loop time is the
+        inverse of the bandwidth in rad/s.
 
     Raises
     ------
@@ -118,8 +119,8 @@ def hinf(
     MissingPackageError
         If slycot is not installed.
     ControlError
-        If a bound is invalid, or the bounds cannot be met (the text gives the largest bandwidth at which they can be
-        met).
+        If a bound is invalid, or if the bounds cannot be met together. In that case the text gives the largest
+        bandwidth at which the other bounds can be met.
 
     References
     ----------

@@ -37,7 +37,7 @@ class Design(Protocol):
 
 @singledispatch
 def static_curve(system: Any, /, command_range: Limits, *, count: int = 33) -> StaticCurve:
-    """Compute the output at rest over the command, for an identified model or a plant.
+    """Compute the output at rest of an identified model or a plant as a function of the constant command.
 
     Parameters
     ----------
@@ -46,13 +46,13 @@ def static_curve(system: Any, /, command_range: Limits, *, count: int = 33) -> S
     command_range : (float, float)
         Least and largest command, in its unit.
     count : int
-        Number of points, evenly spaced.
+        Number of evenly spaced commands.
 
     Raises
     ------
     ControlError
-        If the range is empty, the system is neither a model nor a plant, or the curve cannot be inverted; or if the
-        system does not come to rest at a command, which the text names.
+        If an argument is invalid, if the outputs are not strictly monotone, or if the system does not come to rest at
+        one of the commands, which the text names.
     """
     raise ControlError(f"a static curve needs a NarxModel or a Plant, not a {type(system).__name__}")
 
@@ -131,12 +131,12 @@ def with_inverse(
     linear : LinearModel
         Model of the actuator at the operating point, with the delay of the loop (`LinearModel.in_loop`).
     curve : StaticCurve
-        Static curve of the actuator around the operating point.
+        Static curve of the actuator over a range that contains the operating point.
     design : callable
-        Function that designs the feedback, with all settings but the limits fixed, such as
+        Function that designs the feedback, called as ``design(linear, command_limits=(low, high))``. An example is
         ``partial(lambda_tuning, closed_loop_time=0.5)``.
     command_limits : (float, float)
-        Least and largest command, in its unit; narrowed to the range of the curve.
+        Least and largest command, in its unit. The limits of the controller also lie within the range of the curve.
 
     Returns
     -------
@@ -148,8 +148,8 @@ def with_inverse(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the operating point lies outside the curve, its slope and the static gain have opposite signs, or the design
-        fails.
+        If the operating point lies outside the curve or the command limits, if the slope of the curve and the static
+        gain of the model have opposite signs, or if `design` fails.
     """
     low, high = max(command_limits[0], curve.inputs[0]), min(command_limits[1], curve.inputs[-1])
     point = linear.require().operating_input

@@ -69,16 +69,15 @@ def lambda_tuning(
 ) -> LinearController:
     r"""Tune a sampled PI controller for a desired closed-loop time constant.
 
-    For a plant with the gain K, the lag T and the delay theta, and a desired closed-loop time constant :math:`\lambda`,
-    internal model control with a first-order expansion of the delay gives the integral gain
+    The model is approximated by a gain K, a lag with the time constant T and a delay :math:`\theta`. For a desired
+    closed-loop time constant :math:`\lambda`, internal model control gives the integral gain
     :math:`K_i = 1/(K(\lambda + \theta))` and the proportional gain :math:`K_p = T K_i`.
 
-    - theta includes half a sample for the hold.
-    - K is the largest gain between 0 Hz and the crossover, because the gain may be larger in fast motion than at rest.
-    - A lag shorter than lambda is added to the delay instead of being cancelled: :math:`K_p = 0`,
-      :math:`K_i = 1/(K(\lambda + \theta + T))`. Cancelling it would gain little speed, but raise the loop gain at high
-      frequencies, where an actuator may have a lightly damped mode that the model lacks. A nearly static actuator
-      therefore gets an integral controller.
+    - :math:`\theta` includes half a sample for the zero-order hold.
+    - K is the largest gain of the model between 0 Hz and the crossover, which may exceed the static gain.
+    - If T is shorter than :math:`\lambda`, the controller is purely integral, with
+      :math:`K_i = 1/(K(\lambda + \theta + T))`. A proportional part would raise the loop gain at high frequencies,
+      where the actuator may have a lightly damped mode that the model lacks.
 
     Parameters
     ----------
@@ -87,8 +86,8 @@ def lambda_tuning(
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float, optional
-        Closed-loop time constant lambda, s. By default the largest of the lag, three times the delay, ten samples, and
-        the value that puts the crossover at half of `band_Hz`.
+        Closed-loop time constant :math:`\lambda`, s. By default the largest of T, :math:`3\theta`, ten samples and, if
+        `band_Hz` is given, the time constant for a crossover at half of `band_Hz`.
     band_Hz : float, optional
         Upper end of the band that the recording excited, Hz.
 
@@ -102,8 +101,8 @@ def lambda_tuning(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the model responds to a command in the same sample, the closed-loop time is shorter than a sample, the model
-        needs more than 200000 samples to reach 63 % of a step, or the limits do not enclose the operating input.
+        If an argument is invalid, if the model responds to a command in the same sample or needs more than 200000
+        samples to reach 63 % of a step, or if the loop would be unstable.
 
     References
     ----------
@@ -137,22 +136,23 @@ def lambda_tuning_pid(
 ) -> LinearController:
     r"""Tune a sampled PID controller for a desired closed-loop time constant.
 
-    For a plant that is approximated by a gain K, two lags :math:`T_1 \geq T_2` and a delay theta, and for a desired
-    closed-loop time constant :math:`\lambda`, the controller is :math:`K_c (1 + 1/(T_I s)) (1 + T_2 s)` with
-    :math:`K_c = T_1/(K(\lambda + \theta))` and :math:`T_I = \min(T_1, 4(\lambda + \theta))`, so that a disturbance at
-    the input of a slow plant decays fast. The derivative acts on the reading alone, and the time constant of its filter
-    is added to the delay. K is chosen as in `lambda_tuning`.
+    The model is approximated by a gain K, two lags with the time constants :math:`T_1 \geq T_2`, and a delay
+    :math:`\theta`. For a desired closed-loop time constant :math:`\lambda`, the controller is
+    :math:`K_c (1 + 1/(T_I s)) (1 + T_2 s)` with :math:`K_c = T_1/(K(\lambda + \theta))` and
+    :math:`T_I = \min(T_1, 4(\lambda + \theta))`. The derivative acts on the reading alone and is filtered;
+    :math:`\theta` includes the time constant of this filter. As in `lambda_tuning`, K is increased if the gain of the
+    model between 0 Hz and the crossover exceeds the static gain.
 
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator with the delay of the loop (`LinearModel.in_loop`), whose second lag is at least one
-        sampling time.
+        Model of the actuator with the delay of the loop (`LinearModel.in_loop`). The time constant :math:`T_2` must be
+        at least one sampling time.
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float, optional
-        Closed-loop time constant lambda, s. By default the largest of the second lag, three times the delay, ten
-        samples, and the value that puts the crossover at half of `band_Hz`.
+        Closed-loop time constant :math:`\lambda`, s. By default the largest of :math:`T_2`, :math:`3\theta`, ten
+        samples and, if `band_Hz` is given, the time constant for a crossover at half of `band_Hz`.
     band_Hz : float, optional
         Upper end of the band that the recording excited, Hz.
 
@@ -166,8 +166,8 @@ def lambda_tuning_pid(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the model responds to a command in the same sample or has no second lag, the closed-loop time is shorter than
-        a sample, or the limits do not enclose the operating input.
+        If an argument is invalid, if the model responds to a command in the same sample or has no such second lag, or
+        if the loop would be unstable.
 
     References
     ----------

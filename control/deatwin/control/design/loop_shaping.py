@@ -68,8 +68,8 @@ def loop_shaping(
 ) -> LinearController:
     """Design a sampled PI controller with the largest integral gain that satisfies the bounds on the loop.
 
-    The integral gain rejects slow disturbances. The bounds hold for the sampled loop L and for all lower loop gains. If
-    a crossover is given, the loop gain is one at the crossover and below one at all higher frequencies.
+    The integral gain rejects slow disturbances. The bounds hold for the sampled loop L, and still hold if the loop gain
+    is reduced. If a crossover is given, the loop gain is one at the crossover and below one at all higher frequencies.
 
     Parameters
     ----------
@@ -78,8 +78,9 @@ def loop_shaping(
     command_limits : (float, float)
         Least and largest command, in its unit.
     crossover_Hz : float, optional
-        Frequency at which the loop gain is one, Hz; by default chosen within the bounds. The model is not reliable
-        beyond the band that its recording excited: choose the crossover well inside this band.
+        Frequency at which the loop gain is one, Hz; by default that of the controller with the largest integral gain.
+        Choose the crossover well inside the band that the model's recording excited; the model is not reliable outside
+        this band.
     phase_margin_deg : float
         Least phase margin, degrees.
     max_sensitivity : float
@@ -95,8 +96,8 @@ def loop_shaping(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the model responds to a command in the same sample, a bound is invalid, or the bounds cannot be met at the
-        crossover; the text gives the largest crossover at which the bounds can be met.
+        If an argument is invalid, if the model responds to a command in the same sample, or if the bounds cannot be met
+        at `crossover_Hz`. In the last case the text gives the largest crossover at which they can be met.
 
     References
     ----------
@@ -123,13 +124,12 @@ def loop_shaping_pid(
     """Design a sampled PID controller with the largest integral gain that satisfies the bounds on the loop.
 
     The method is that of `loop_shaping`. The derivative time is fixed at a quarter of the integral time, which gives
-    the controller two equal zeros. If both times were free, the largest integral gain would be reached with complex
-    zeros, and the loop would be very sensitive to the controller's gains.
+    the controller two equal real zeros.
 
     Parameters
     ----------
     linear, command_limits, crossover_Hz, phase_margin_deg, max_sensitivity
-        Same arguments as in `loop_shaping`.
+        See `loop_shaping`.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def loop_shaping_pid(
     Raises
     ------
     ModelError, ControlError
-        Same reasons as for `loop_shaping`.
+        As in `loop_shaping`.
 
     References
     ----------

@@ -67,11 +67,12 @@ def lqg(
     r"""Design a sampled LQG controller with integral action.
 
     The regulator minimises :math:`\sum (y - r)^2 + \rho \, (\Delta u)^2` for the reading y, the reference r and the
-    change :math:`\Delta u` of the command from sample to sample. The weight :math:`\rho` is chosen so that the reading
-    has completed 63 % of a reference step one closed-loop time after the delay. The observer is the stationary Kalman
-    filter of the model for three disturbances: white noise on the reading, a random walk of the output, and white noise
-    on the command. The noise on the command is so large that its static effect on the output has the variance of one
-    step of the walk. Because the observer estimates the drift, the loop has no error at rest.
+    change :math:`\Delta u` of the command from sample to sample. The weight :math:`\rho` is chosen so that, after a
+    reference step, the reading reaches 63 % of the step at the model's delay plus one closed-loop time. The observer is
+    the stationary Kalman filter of the model for three disturbances: white noise on the reading, a random walk of the
+    output (drift), and white noise on the command. The standard deviation of the noise on the command, times the static
+    gain, equals that of one step of the random walk. Because the observer estimates the drift, the loop has no error at
+    rest.
 
     Parameters
     ----------
@@ -80,36 +81,36 @@ def lqg(
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float, optional
-        Closed-loop time constant, s; the default is that of `lambda_tuning`.
+        Closed-loop time constant, s. The default is computed as in `lambda_tuning`, from the lag and delay of the
+        model, the sampling time and `band_Hz`.
     noise : float
         Standard deviation of the reading's noise, in the output's unit. Only its ratio to `drift` matters; if `drift`
         is omitted, `noise` has no influence.
     drift : float, optional
-        Standard deviation of the change of the output in one second, in the output's unit. The drift is a random walk,
-        so it grows with the square root of time. By default the value that makes the observer average over half the
-        closed-loop time.
+        Standard deviation of the change of the random walk in one second, in the output's unit. By default the value
+        with which the observer averages over half the closed-loop time.
     band_Hz : float, optional
         Upper end of the band that the recording excited, Hz.
 
     Returns
     -------
     LinearController
-        Controller with the sampling time of the model and two degrees of freedom. At a limit its observer uses the
-        applied command.
+        Controller with the sampling time of the model and two degrees of freedom. The observer uses the command after
+        it is limited.
 
     Raises
     ------
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the model responds to a command in the same sample, the closed-loop time cannot be reached (the text gives one
-        that can), a noise or drift level is not positive, or the limits do not enclose the operating input.
+        If an argument is invalid, if the model responds to a command in the same sample, if the closed-loop time cannot
+        be reached (the text gives one that can), or if it is so long that the controller loses its digits to rounding.
 
     References
     ----------
     K. J. Åström and B. Wittenmark, Computer-Controlled Systems (3rd ed. 1997), chapter 11. G. Pannocchia and J. B.
-    Rawlings, "Disturbance models for offset-free model-predictive control", AIChE J. 49 (2003) 426-437: why the drift
-    in the observer leaves no error at rest.
+    Rawlings, "Disturbance models for offset-free model-predictive control", AIChE J. 49 (2003) 426-437: why an
+    observer that estimates the drift leaves no error at rest.
     """
     h = linear.sample_time
     wanted = require_time(closed_loop_time, h) or default_closed_loop_time(linear, band_Hz)

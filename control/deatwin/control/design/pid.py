@@ -36,7 +36,7 @@ class PidGains:
     Raises
     ------
     ControlError
-        If a value is not finite, there is no integral action, or a derivative has no filter.
+        If a value is not finite, the integral gain is 0, the filter time is negative, or a derivative has no filter.
     """
 
     proportional: float
@@ -58,7 +58,7 @@ class PidGains:
 
     @classmethod
     def of_law(cls, law: Law, sample_time: float) -> PidGains | None:
-        """Return the gains of a `law`, scaled or not, that `PidGains.law` made at `sample_time`, s; else None."""
+        """Return the gains of a `law` from `PidGains.law`, also if scaled; None for others. `sample_time` in s."""
         if law.c.size not in (1, 2) or law.a[0, 0] != 1.0 or not law.c[0]:
             return None
         step = float(law.b[0, REFERENCE] * law.c[0])
@@ -95,9 +95,9 @@ class PidGains:
         Returns
         -------
         Law
-            Law whose first state is the integral, in the input's unit. For a PID the second state is the filtered
-            reading, in the output's unit. With these states, laws with different gains share their state of rest
-            (`ScheduledController`).
+            Law whose first state is the integral part of the command, in the input's unit. With a derivative, the
+            second state is the filtered reading, in the output's unit. Laws with different gains have the same state of
+            rest, as `ScheduledController` requires.
         """
         step = self.integral * sample_time
         pi = Law.of_error([[1.0]], [step], [1.0], self.proportional + step)
@@ -111,7 +111,7 @@ class PidGains:
         )
 
     def windup(self, sample_time: float) -> np.ndarray:
-        """Return the anti-windup gain: the tracking time is the integral time, or one sample for an I controller.
+        """Return the anti-windup gain. The tracking time is the integral time, or one sample without proportional part.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class PidGains:
 
 @taking(linear=linear_model, gains=instance(PidGains), command_limits=pair, closed_loop_time=number)
 def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loop_time: float) -> LinearController:
-    """Make a PI or PID controller about the operating point of a model.
+    """Make an I, PI or PID controller with given gains for the operating point of a model.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loo
     Raises
     ------
     ControlError
-        If the loop is unstable on the model itself.
+        If the closed loop of controller and model is unstable, or an argument is invalid.
     """
     h = linear.sample_time
     law = gains.law(h)

@@ -27,14 +27,13 @@ def scheduled(
     models : sequence of LinearModel
         Two or more models at different operating inputs, with the delay of the loop (`LinearModel.in_loop`).
     design : callable
-        Function that designs a controller, with all settings but the limits fixed, such as
-        ``partial(lambda_tuning, closed_loop_time=0.5)``. At all operating points it must return a PI controller, or at
-        all of them a PID controller.
+        Function that designs a controller, called as ``design(linear, command_limits=(low, high))``. An example is
+        ``partial(lambda_tuning, closed_loop_time=0.5)``. The controllers must all be PI or all PID controllers.
     command_limits : (float, float)
-        Least and largest command, in its unit; an operating input may lie on one of them.
+        Least and largest command, in its unit. A model's operating input may equal one of the limits.
     operating_input : float, optional
-        Operating input about which the loop is closed, strictly between the limits: that of one of the models; by
-        default the middle one.
+        Operating input of the model about which the loop is closed. It must lie strictly between the limits. By default
+        that of the middle model.
 
     Returns
     -------
@@ -44,8 +43,8 @@ def scheduled(
     Raises
     ------
     ControlError
-        If the design fails at an operating point (the text says which, and why), the models differ in sampling time or
-        in the sign of the static gain, or the controllers differ in structure.
+        If the models differ in sampling time or in the sign of the static gain, if the design fails for one of the
+        models (the text says which, and why), if the controllers are not of one kind, or if an argument is invalid.
     """
     if not command_limits[0] < command_limits[1]:
         raise ControlError(f"the limits of the command, {command_limits[0]:g} and {command_limits[1]:g}, must rise")

@@ -25,7 +25,7 @@ _COMMON = ("operating_input", "operating_output", "command_min", "command_max", 
 def controller_source(
     controller: Controller, *, name: str = "controller", input_unit: str = "", output_unit: str = ""
 ) -> SampledSource:
-    """Generate the C source of a controller, which computes the command from reference and reading at each sample.
+    """Generate C source that computes a controller's command from reference and reading at each sample.
 
     Parameters
     ----------
@@ -34,12 +34,13 @@ def controller_source(
     name : str
         Prefix of all names in the source.
     input_unit, output_unit : str
-        Unit of the actuator's command; unit of reference and reading.
+        Units for the comments in the source: `input_unit` is the unit of the command, `output_unit` that of reference
+        and reading.
 
     Returns
     -------
     SampledSource
-        C source; ``u`` holds reference and reading, ``y`` the command.
+        C source. Its function takes reference and reading in the array ``u``, and returns the command in ``y``.
 
     Raises
     ------

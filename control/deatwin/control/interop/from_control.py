@@ -35,23 +35,23 @@ def from_control(
     system : control.TransferFunction or control.StateSpace
         Discrete system with its sampling time in s; the result of ``control.zpk`` is a transfer function.
     operating_input, operating_output : float
-        Operating point: input and output, in their units, at which the system's own input and output are zero.
+        Operating point, in the units of input and output. The signals of `system` are deviations from this point.
     input_unit, output_unit : str
         Units of the signals.
 
     Returns
     -------
     LinearModel
-        Linear model with the system's signal names and zero covariance. Its status says whether it is stable and has a
-        static gain; modes of a state-space system that the input does not excite are considered too. The poles, gain
-        and responses of a state-space system are those of its matrices, because the coefficients represent slow modes
-        inaccurately (`LinearModel.detail` then says so).
+        Linear model with the system's signal names and zero covariance. The status says whether the model is stable and
+        has a static gain. For a state-space system, poles, gain and responses are computed from the matrices, and
+        unstable modes count even if the input does not excite them. `LinearModel.detail` says if the polynomial
+        coefficients are inaccurate.
 
     Raises
     ------
     ControlError
-        If the system is not linear, has several inputs or outputs, is continuous or lacks a sampling time, is improper
-        or has a coefficient that is not a finite real number.
+        If the system is not a linear, discrete and proper system with one input, one output, a sampling time, and
+        finite real coefficients.
     """
     import control
 

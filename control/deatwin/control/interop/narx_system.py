@@ -130,14 +130,14 @@ def past_state(model: NarxModel, inputs: ArrayLike, outputs: ArrayLike) -> Array
     model : NarxModel
         Identified model; its noise terms, if any, are ignored.
     inputs : array_like, shape (n_inputs, n), or (n,) for one input
-        Recorded inputs, in their units.
+        Recorded inputs, in their units; n is at least the model's largest lag.
     outputs : array_like, shape (n_outputs, n), or (n,) for one output
-        Recorded outputs, in their units; n is at least the model's largest lag.
+        Recorded outputs of the same n samples, in their units.
 
     Returns
     -------
     ndarray, shape (n_states,)
-        State, in the order of the system's states, each in its signal's unit.
+        State in the order of the system's states. Each element has the unit of its signal.
 
     Raises
     ------

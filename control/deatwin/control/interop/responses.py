@@ -30,14 +30,13 @@ _TWO_SIDED = 1.959964  # Half width of the 95 % interval of a normal law, in sta
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frd(Described):
-    """Frequency response of python-control, with its covariance.
+    """Frequency response as an object of python-control, with a covariance at each frequency.
 
     Parameters
     ----------
     system : control.FrequencyResponseData
-        Response of one input and one output, for ``control.bode_plot`` and similar functions. It has no timebase
-        (``dt`` is None), because with a timebase ``control.nyquist_plot`` would evaluate the response in the z plane
-        and fail.
+        Response from one input to one output, for ``control.bode_plot``, ``control.nyquist_plot`` and similar
+        functions. The response has no timebase (``dt`` is None).
     covariance : ndarray, shape (n, 2, 2)
         First-order covariance of real and imaginary part at each frequency, in the square of the response's unit.
     unit : str
@@ -78,7 +77,7 @@ class Frd(Described):
 
     @property
     def gain_deviation(self) -> Array:
-        """Standard deviation of the gain, shape (n,), in the response's unit; of the real part where the gain is 0."""
+        """Standard deviation of the gain, shape (n,), in the response's unit; if the gain is 0, of the real part."""
         gain = np.abs(self.values)
         direction = np.where(gain == 0.0, 1.0, self.values / np.where(gain == 0.0, 1.0, gain))
         parts = np.stack([direction.real, direction.imag], axis=-1)
@@ -148,12 +147,12 @@ def linear_frd(linear: LinearModel, omega: ArrayLike, *, name: str = "response")
     Returns
     -------
     Frd
-        Frequency response in order of increasing frequency, with the covariance that follows from the coefficients.
+        Frequency response in order of increasing frequency. Its covariance is propagated from the coefficients.
 
     Raises
     ------
     ModelError
-        If there is no equilibrium, or the frequencies are not numbers in that range.
+        If the model has no equilibrium, or a frequency does not lie between 0 and half the sampling rate.
     """
     linear.rest_output  # noqa: B018  (raises without an equilibrium)
     given = np.atleast_1d(np.asarray(omega, dtype=np.float64))

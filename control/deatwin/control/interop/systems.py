@@ -27,12 +27,12 @@ Array = NDArray[np.float64]
 def to_nlsys(source: object, /, name: str | None = None) -> NonlinearIOSystem:
     """Convert a model or a plant to a discrete nonlinear system of python-control, with its sampling time as ``dt``.
 
-    - `NarxModel`: the states are the past outputs and inputs in its terms, in their units. An input of lag 0 feeds
-      through, and the noise is zero.
-    - `Plant`: the states are those of the plant, as deviations from the rest at which experiments start, divided by
-      their typical sizes (``plant.equations.scale``), then past commands if the plant has a delay. ``t`` is the time on
-      the experiment's clock, s. If the rig takes the reading at the end of the hold, the command feeds through to the
-      reading of the same sample; then apply `in_loop` before you connect a controller.
+    - `NarxModel`: the states are the past outputs and inputs that the model's terms contain, in their units. An input
+      of lag 0 feeds through to the output. Noise terms are left out.
+    - `Plant`: the states are the plant's states, as deviations from the rest at which experiments start, divided by
+      typical sizes (``plant.equations.scale``). If the plant has a delay, past commands follow. The time ``t`` is that
+      of the experiment's clock, s. If the rig takes the reading at the end of the hold, the command feeds through to
+      the reading of the same sample: apply `in_loop` before you connect a controller.
 
     Parameters
     ----------
@@ -45,9 +45,8 @@ def to_nlsys(source: object, /, name: str | None = None) -> NonlinearIOSystem:
     Returns
     -------
     control.NonlinearIOSystem
-        System whose inputs, outputs and states carry the source's names. Inputs and outputs are in the source's units
-        (a plant's reading is in SI), which python-control does not record. During a simulation, a model that diverges
-        or a plant that pulls in raises `SimulationError`.
+        System with the source's signal names and units; the reading of a plant is in SI units. During a simulation, a
+        model that diverges or a plant that pulls in raises `SimulationError`.
 
     Raises
     ------
@@ -75,11 +74,10 @@ def _(source: Plant, name: str | None = None) -> NonlinearIOSystem:
 
 @singledispatch
 def rest_state_of(source: object, /, operating_input: ArrayLike) -> Array:
-    """Return the state of rest, under a constant input, of the system that `to_nlsys` makes.
+    """Return the state at which a system from `to_nlsys` rests under a constant input.
 
-    In the system of a plant, the zero state is the rest at which experiments start. From there the command moves to the
-    operating input, where the plant comes to rest. Quantities that refer to the first rest, such as the sensor's zero,
-    do not change.
+    In the system of a plant, the zero state is the rest at which experiments start. From there the command changes to
+    the operating input, at which the plant comes to rest again. The sensor's zero remains that of the first rest.
 
     Parameters
     ----------
@@ -98,8 +96,8 @@ def rest_state_of(source: object, /, operating_input: ArrayLike) -> Array:
     ControlError
         If the source is neither a model nor a plant, or a plant's command is not one finite number.
     ModelError
-        If a model has several outputs or no equilibrium at these inputs, or the number of finite inputs is not the
-        model's.
+        If a model has several outputs or no equilibrium at these inputs, or if the inputs are not one finite number for
+        each input of the model.
     SimulationError
         If a plant cannot come to rest at the command, for example beyond pull-in.
     """
@@ -124,21 +122,22 @@ def _(source: Plant, operating_input: ArrayLike) -> Array:
 def in_loop(system: NonlinearIOSystem, name: str | None = None) -> NonlinearIOSystem:
     """Delay the outputs of a system by one sample, as in a control loop that reads at the end of each hold.
 
-    The command of the next sample is then the first that can react to a reading. `LinearModel.in_loop` does the same
-    for a linear model.
+    In such a loop, only the command of the next sample can react to a reading. For linear models, use
+    `LinearModel.in_loop`.
 
     Parameters
     ----------
     system : control.NonlinearIOSystem
-        Discrete system, such as `to_nlsys` makes.
+        Discrete system, for example from `to_nlsys`.
     name : str, optional
         Name of the new system; chosen by python-control by default.
 
     Returns
     -------
     control.NonlinearIOSystem
-        System whose states are those of `system`, then ``last_`` and the name of each output. To start at rest ``x0``
-        under the input ``u0``, use ``numpy.append(x0, system.output(0.0, x0, u0))``.
+        System with the states of `system`, followed by one state for each delayed output, named ``last_`` and the
+        output's name. If `system` rests at ``x0`` under the input ``u0``, the delayed system rests at
+        ``numpy.append(x0, system.output(0.0, x0, u0))``.
 
     Raises
     ------

@@ -31,7 +31,9 @@ _LOST = "this sample has no equilibrium at this input on the branch of the model
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearFamily:
-    """Linear models at several operating points, for samples of the uncertain parameters.
+    """Linear models, one for each operating point and each sample of the uncertain parameters.
+
+    The transfer functions are ``G(z) = (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...)``, as in `LinearModel`.
 
     Parameters
     ----------
@@ -48,14 +50,14 @@ class LinearFamily:
     stable : ndarray of bool, shape (n_points, n_samples)
         True if there is a stable equilibrium.
     has_gain : ndarray of bool, shape (n_points, n_samples)
-        True if there is an equilibrium with a static gain that is known and larger than the rounding error.
+        True if there is an equilibrium, and its static gain is known and not mere rounding error.
     sample_time : float
         Sampling time, s.
     input_name, output_name, input_unit, output_unit : str
         Names and units of the signals.
     realisations : tuple of tuple of (Realisation or None)
-        State-space matrices of each sample at each operating point, from which gain, poles and margins are computed;
-        None if there is no equilibrium. Empty for models given by coefficients alone.
+        State-space matrices of each model, as ``realisations[point][sample]``; None if there is no equilibrium. If they
+        are given, gain, poles and margins are computed from them. Empty if the models are given by coefficients alone.
 
     Raises
     ------
@@ -108,7 +110,7 @@ class LinearFamily:
         Parameters
         ----------
         models : sequence of sequence of LinearModel, lengths n_points and n_samples
-            Samples at each operating point; all models share their signals.
+            Models as ``models[point][sample]``, all with the same signals and sampling time.
 
         Returns
         -------
@@ -118,7 +120,7 @@ class LinearFamily:
         Raises
         ------
         ModelError
-            If there are no models, or their number differs between operating points.
+            If there are no models, or the number of samples differs between operating points.
         """
         if not models or not models[0] or any(len(row) != len(models[0]) for row in models):
             raise ModelError("give at least one linear model for each operating point, and as many at each")
@@ -212,7 +214,7 @@ class LinearFamily:
         return replace(self, numerators=np.pad(self.numerators, ((0, 0), (0, 0), (1, 0))), realisations=late)
 
     def at(self, point: int, sample: int) -> LinearModel:
-        """Return the model of one `sample` at one operating `point`, both by index, without a covariance."""
+        """Return the model at the indices `point` and `sample`, without a covariance."""
         signals = self._signals | {"operating_input": float(self.operating_inputs[point])}
         if not self.exists[point, sample]:
             return LinearModel.without_equilibrium(_LOST, **signals)
@@ -239,8 +241,8 @@ class LinearFamily:
 def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayLike | None = None) -> LinearFamily:
     """Linearise a single-input, single-output model at many operating points and for many parameter samples at once.
 
-    The equilibrium of each sample is found by following the model's own equilibrium in small steps of the parameters;
-    if this branch of equilibria ends, the sample has no equilibrium.
+    The equilibrium of each sample is found by following the equilibrium of the model in small steps, from the model's
+    parameters to those of the sample. If this branch of equilibria ends on the way, the sample counts as having none.
 
     Parameters
     ----------

@@ -81,8 +81,8 @@ class LinearModel(Described):
     denominator : ndarray, shape (n_a + 1,)
         Coefficients 1, a_1, a_2, ...
     covariance : ndarray, shape (n_b + n_a, n_b + n_a)
-        First-order covariance of b_0, b_1, ..., a_1, a_2, ..., including the shift of the equilibrium with the model's
-        parameters. Symmetric positive semidefinite up to rounding; ignored if there is no equilibrium.
+        First-order covariance of b_0, b_1, ..., a_1, a_2, ..., including the effect of the uncertain equilibrium. It
+        must be symmetric and positive semidefinite up to rounding. Ignored if there is no equilibrium.
     sample_time : float
         Sampling time, s.
     operating_input : float
@@ -90,14 +90,14 @@ class LinearModel(Described):
     operating_output : float or None
         Output at rest, in its unit; None if there is no equilibrium.
     status : LinearStatus
-        Status that says whether a controller can be designed on the model.
+        Status, which states whether a controller can be designed on the model.
     detail : str
         Explanation if the status is not OK or the coefficients are inaccurate, otherwise empty.
     input_name, output_name, input_unit, output_unit : str
         Names and units of the signals.
     realisation : Realisation, optional
-        State-space matrices. If they are given, poles, gain and responses are computed from them, and the coefficients
-        are the transfer function of these matrices, with rounding errors. The matrices have no covariance.
+        State-space matrices. If they are given, poles, gain and responses are computed from them instead of the
+        coefficients, which have larger rounding errors, and the covariance must be zero.
 
     Raises
     ------
@@ -195,7 +195,7 @@ class LinearModel(Described):
         )
 
     def judged(self, is_stable: bool, least_gain: float = 0.0) -> Self:
-        """Return this model with the status that its stability and its static gain imply.
+        """Return this model with the status that follows from stability and static gain.
 
         Parameters
         ----------
@@ -214,13 +214,13 @@ class LinearModel(Described):
         return self
 
     def require(self) -> Self:
-        """Return this model; ModelError, with the advice, if no controller can be designed on it."""
+        """Return this model if its status is OK; otherwise raise ModelError with the status as text."""
         if self.status.ok:
             return self
         raise ModelError(f"{self.status.value}" + (f" ({self.detail})" if self.detail else ""))
 
     def require_in_loop(self) -> Self:
-        """Return this model; ControlError if it responds to a command in the same sample: a loop has a delay."""
+        """Return this model if b_0 is zero, as in a control loop; otherwise raise ControlError."""
         if self.require().numerator[0] != 0.0:
             raise ControlError(
                 "the model responds to a command in the same sample: design on the model with the delay of the loop, "
@@ -251,7 +251,7 @@ class LinearModel(Described):
 
     @property
     def mean_delay(self) -> float:
-        """Mean delay of the impulse response, s: the sum of its lags and delays minus its leads."""
+        """Mean time of the impulse response, s: the sum of all delays and lags, minus the leads."""
         if self.realisation is not None:
             return self.realisation.mean_delay * self.sample_time
         top, bottom = self.numerator, self.denominator
@@ -283,7 +283,7 @@ class LinearModel(Described):
         return np.asarray(values, dtype=np.complex128)
 
     def step_response(self, count: int) -> Array:
-        """Return `count` samples of the response to a unit step at the first one, output unit per input unit."""
+        """Return `count` samples of the response to a unit step at the first sample, output unit per input unit."""
         from scipy.signal import lfilter
 
         if self.realisation is not None:
@@ -294,7 +294,7 @@ class LinearModel(Described):
         """Return the model from the command to the readings, with the delay that a control loop has.
 
         A row of a recording holds a command and a reading. If the reading is taken at the end of the hold, only the
-        command of the next row can react to it, so that the loop has one sample more of delay than the rows show.
+        command of the next row can react to the reading. The loop then has one more sample of delay than the model.
 
         Parameters
         ----------
@@ -327,8 +327,8 @@ class LinearModel(Described):
     def system(self) -> TransferFunction:
         """Return the transfer function as a discrete system of python-control.
 
-        If the model has several slow modes, the coefficients are inaccurate, and `detail` says so; `state_space` is
-        accurate.
+        If the model has several slow modes, the coefficients are inaccurate, and `detail` says so. Then use
+        `state_space`.
 
         Returns
         -------

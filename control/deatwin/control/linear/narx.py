@@ -25,15 +25,16 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     Parameters
     ----------
     model : NarxModel
-        Identified model. Lag 0 of the result is the input in the same row of a recording as the output; apply
-        `LinearModel.in_loop` before a controller is designed.
+        Identified model.
     operating_input : float, optional
         Constant input, in its unit; the mean of the training inputs by default.
 
     Returns
     -------
     LinearModel
-        Linear model. Its status says whether there is an equilibrium at which a controller can be designed.
+        Linear model. The coefficient b_0 belongs to the input in the same row of a recording as the output: apply
+        `LinearModel.in_loop` before you design a controller. The status says whether there is an equilibrium at which a
+        controller can be designed.
 
     Raises
     ------

@@ -40,11 +40,13 @@ def linearise_plant(
 ) -> LinearModel:
     """Linearise a plant exactly about its state of rest under a constant command.
 
-    The command moves from the rig's rest command to the operating input, at which the plant comes to rest. The linear
-    model maps the command held over one sample to the noise-free reading of that sample; quantities that drift with the
-    clock are frozen. The model is valid for motions much smaller than the distances over which the forces of friction
-    and hysteresis build up; in such motions, friction and hysteresis act as springs (stiffness = force / distance). For
-    much larger motions, linearise `plant.without_effects(...)` instead.
+    The command changes from the rig's rest command to the operating input, at which the plant comes to rest. The linear
+    model relates the command held over one sample to the noise-free reading of that sample. Quantities that drift with
+    time are frozen at `time`.
+
+    The model is valid for motions much smaller than the distances over which the forces of friction and hysteresis
+    build up. In such small motions, friction and hysteresis act as springs with the stiffness force / distance. For
+    much larger motions, linearise ``plant.without_effects(...)`` instead.
 
     Parameters
     ----------
@@ -60,9 +62,9 @@ def linearise_plant(
     Returns
     -------
     LinearModel
-        Linear model without covariance; its coefficients b_i are in SI units of the reading per unit of the command.
-        b_0 is 0 if the rig takes the reading at the start of the hold. The model's status says whether there is an
-        equilibrium at which a controller can be designed.
+        Linear model without covariance. The coefficients b_i are in the SI unit of the reading per unit of the command;
+        b_0 is 0 if the rig takes the reading at the start of the hold. The status says whether there is an equilibrium
+        at which a controller can be designed.
 
     Raises
     ------
@@ -72,17 +74,17 @@ def linearise_plant(
     Notes
     -----
     Poles, gain and responses are computed from the state-space matrices of one sample. The polynomial coefficients are
-    less accurate if the plant has slow modes: above 1 mHz, a response computed from the coefficients has ten correct
-    digits with one or two slow effects, about three digits with three slow effects, and none with more.
-    `LinearModel.detail` says so if fewer than six digits are correct. If the static gain differs by more than 0.1 %
-    from the slope of the curve of rest positions over the command, the status is not OK.
+    less accurate: above 1 mHz, a response computed from them has ten correct digits if the plant has one or two slow
+    effects, about three with three slow effects, and none with more. `LinearModel.detail` says so if fewer than six
+    digits are correct. The status is not OK if the static gain differs by more than 0.1 % from the slope of the static
+    curve (reading at rest over command).
     """
     return _models(plant, [operating_input], values, time)[0]
 
 
 @taking(calibrated=instance(CalibratedPlant), rng=generator, count=whole(0))
 def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: int) -> tuple[Plant, ...]:
-    """Draw plants from the distribution that a calibration gives.
+    """Draw plants from the distribution of a calibrated plant's parameters.
 
     Parameters
     ----------
@@ -96,8 +98,8 @@ def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: in
     Returns
     -------
     tuple of Plant, length count
-        Plants whose transformed parameters are drawn from the normal distribution and kept in their physical ranges;
-        all identical if there is no covariance.
+        Plants whose transformed parameters are drawn from the normal distribution and clipped to the physical ranges.
+        If the calibration has no covariance, all plants are identical.
     """
     plant = calibrated.plant
     problem = Problem(plant=plant, parts=(), names=calibrated.names)
@@ -113,12 +115,12 @@ def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: in
 def linearise_plants(
     plants: tuple[Plant, ...], operating_inputs: ArrayLike, *, time: float = 0.0, progress: Progress | None = None
 ) -> LinearFamily:
-    """Linearise plants of one kind over operating points.
+    """Linearise several plants of one rig, each at several operating points.
 
     Parameters
     ----------
     plants : tuple of Plant, length n_samples
-        Plants of one rig, such as `draw_plants` returns.
+        Plants of one rig, for example from `draw_plants`.
     operating_inputs : array_like, shape (n_points,)
         Constant commands, in their unit.
     time : float
@@ -129,7 +131,7 @@ def linearise_plants(
     Returns
     -------
     LinearFamily
-        Family whose coefficients are padded with zeros to a common length.
+        Family with one sample for each plant. The coefficients are padded with zeros to a common length.
 
     Raises
     ------

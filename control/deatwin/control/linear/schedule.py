@@ -48,23 +48,23 @@ class GainSchedule(FamilyBands):
 def gain_schedule(
     source: Any, /, operating_inputs: ArrayLike, rng: np.random.Generator, samples: int = 200
 ) -> GainSchedule:
-    """Linearise a model over operating points, with samples of its uncertain parameters.
+    """Linearise a model or a plant at several operating points, for samples of its uncertain parameters.
 
     Parameters
     ----------
     source : NarxModel, CalibratedPlant or Plant
-        Model or calibrated plant with the covariance of its parameters, or a plant, which is taken as exact.
+        Model or calibrated plant, with the covariance of its parameters; or a plant, whose parameters count as exact.
     operating_inputs : array_like, shape (n_points,)
         Constant inputs, in their unit.
     rng : numpy.random.Generator
         Random generator for the samples.
     samples : int
-        Number of samples.
+        Number of samples of the parameters, in addition to the estimate.
 
     Raises
     ------
     ModelError
-        If the source is of another type, or there are no operating inputs or one is not finite.
+        If the source is of another type, or if the operating inputs are not one or more finite numbers.
     """
     raise ModelError(f"a {type(source).__name__} has no gain schedule; give a NarxModel, a CalibratedPlant or a Plant")
 

@@ -32,8 +32,8 @@ class VaryingLinear(FamilyBands):
     Parameters
     ----------
     family : LinearFamily
-        Linear models at each time, for each sample of the parameters. The first sample is the estimate itself; the
-        others are drawn from the covariance at each time, with the same standard normal draws at all times.
+        Linear models at each time, for each sample of the parameters. The first sample is the estimate itself. The
+        others are drawn from the covariance at each time; a sample uses the same standard normal numbers at all times.
     timepts : ndarray, shape (n_times,)
         Increasing times on the experiment's clock, s.
     """
@@ -62,9 +62,9 @@ def linearise_along(
 ) -> VaryingLinear:
     """Linearise a model whose parameters change with time, along its trajectory.
 
-    At each time the parameters are frozen, and the model is linearised about the equilibrium of that time, which is
-    followed from one time to the next. To see the change of the dynamics alone, first fix the equilibrium with
-    `deatwin.ident.frequency.hold_equilibrium`.
+    At each time the parameters are frozen, and the model is linearised about its equilibrium with these parameters. The
+    equilibrium is followed from one time to the next. To see the change of the dynamics alone, first fix the
+    equilibrium with `deatwin.ident.frequency.hold_equilibrium`.
 
     Parameters
     ----------
@@ -73,18 +73,19 @@ def linearise_along(
     operating_input : array_like, shape () or (n_times,), optional
         Constant input, or one for each time, in its unit; the mean of the training inputs by default.
     times : array_like, shape (n_times,), optional
-        Increasing times, s; by default those of the trajectory, thinned evenly to at most 200.
+        Increasing times, s; by default the times of the trajectory, evenly thinned to at most 200.
     rng : numpy.random.Generator
         Random generator for the samples.
     samples : int
-        Number of parameter samples at each time.
+        Number of parameter samples at each time, in addition to the estimate.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1.
 
     Raises
     ------
     ModelError
-        If the model has several inputs or outputs, or times or inputs are not as described.
+        If the model has several inputs or outputs, if the times do not increase or lie outside the trajectory, or if
+        the inputs are not finite numbers of the stated shape.
     """
     timepts = checked_times(trajectory, times)
     inputs = checked_inputs(trajectory, operating_input, timepts.size)

@@ -53,17 +53,17 @@ class ClosedLoop(Described):
     Parameters
     ----------
     status : RunStatus
-        Outcome of the run, with a text that advises the user. After a failure only the valid samples are kept.
+        Outcome of the run, with advice to the user. If the simulation failed, the arrays end at the last valid sample.
     timepts : ndarray, shape (n,)
         Time since the loop was closed, ascending, s.
     reference : ndarray, shape (n,)
         Desired output, in its unit.
     output : ndarray, shape (n,)
-        Noise-free reading at the instant at which the command is chosen, in its unit.
+        Noise-free reading from which the command is chosen, in its unit.
     measured : ndarray, shape (n,)
         Noisy reading that the controller received, in the output's unit.
     command : ndarray, shape (n,)
-        Command chosen at that instant and held until the next, in the input's unit.
+        Command chosen from this reading and held for one sample, in the input's unit.
     command_limits : (float, float)
         Least and largest command of the controller, in the input's unit.
     input_unit, output_unit : str
@@ -120,14 +120,14 @@ class ClosedLoop(Described):
 
     @property
     def effort(self) -> float:
-        """Mean total variation of the command, input unit per second."""
+        """Total variation of the command divided by the duration of the run, input unit per second."""
         if self.command.size < 2:
             return 0.0
         return float(np.abs(np.diff(self.command)).sum() / (self.timepts[-1] - self.timepts[0]))
 
     @property
     def levels(self) -> tuple[Level, ...]:
-        """Levels of a step reference that the run reached, without the first one and without repetitions."""
+        """Constant stretches of a step reference, from the second one on."""
         still = np.flatnonzero(np.diff(self.reference) != 0.0)
         edges = np.concatenate([[-1], still, [self.reference.size - 1]]) + 1
         flat = [(int(a), int(b)) for a, b in pairwise(edges) if b - a >= _LEVEL]
@@ -139,18 +139,18 @@ class ClosedLoop(Described):
 
     @property
     def overshoot(self) -> float:
-        """Largest amount by which the output exceeds a new level of a step reference, as a share of the step."""
+        """Largest amount by which the output overshoots a level of a step reference, as a share of the step."""
         over = [(self.output[v.first : v.stop] - self.reference[v.settled]) / v.step for v in self.levels]
         return max([0.0, *(float(share.max()) for share in over)])
 
     @property
     def steady_error(self) -> float:
-        """Mean error in the last third of a level, largest of all levels, as a share of the smallest step."""
+        """Mean error in the last third of a level, as a share of the smallest step; the largest of all levels."""
         return self._late(lambda error: abs(float(error.mean())))
 
     @property
     def ripple(self) -> float:
-        """Rms motion in the last third of a level, largest of all levels, as a share of the smallest step."""
+        """Standard deviation of the error instead of its mean, otherwise as for `steady_error`."""
         return self._late(lambda error: float(error.std()))
 
     def _late(self, measure: Callable[[Array], float]) -> float:
@@ -226,9 +226,9 @@ def closed_loop(
 ) -> ClosedLoop:
     """Run a controller in closed loop with a plant, the physics model of the actuator.
 
-    The rig's start procedure moves the plant from rest to the operating input, where it settles. The loop then runs
-    sample by sample: read, choose a command, hold it for a sample. Reading and command pass through the rig's measuring
-    chain if it has one; otherwise the sensor's noise is added to the reading.
+    The rig's start procedure brings the plant from rest to the operating input, at which the plant settles. Then, in
+    each sample, the loop takes a reading, chooses a command, and holds the command for one sample. If the rig has a
+    measuring chain, reading and command pass through this chain. Otherwise the sensor's noise is added to the reading.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ reference."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictedLoop(Described):
-    """Prediction of a closed-loop run: runs on draws of a model's parameters, as `predict_loop` returns them.
+    """Prediction of a closed-loop run: one run for each draw of a model's parameters, as `predict_loop` returns it.
 
     Parameters
     ----------
@@ -52,11 +52,11 @@ class PredictedLoop(Described):
     reference : ndarray, shape (n,)
         Desired output, in its unit.
     outputs : ndarray, shape (draws, n)
-        Outputs of the draws that did not diverge, in the output's unit.
+        Output for each draw whose run did not diverge, in the output's unit.
     commands : ndarray, shape (draws, n)
-        Commands of these draws, in the input's unit.
+        Command for each of these draws, in the input's unit.
     diverged : float
-        Share of the draws that diverged.
+        Share of all draws whose run diverged.
     command_limits : (float, float)
         Least and largest command of the controller, in the input's unit.
     input_unit, output_unit : str
@@ -97,9 +97,9 @@ class PredictedLoop(Described):
     def half_width(self) -> Array:
         """Half width of the simultaneous 95 % band about `middle`, shape (n,), in the output's unit.
 
-        The half width is a multiple of the standard deviation at each sample, such that 95 % of the draws lie inside
-        the band at all samples. Each draw is compared with the mean and deviation of the others, because it lies nearer
-        to a mean that includes itself than a new draw would.
+        The half width is the standard deviation over the draws at each sample, times one factor for all samples. With
+        this factor, 95 % of the draws lie inside the band at all samples. To compute it, each draw is compared with the
+        mean and standard deviation of the other draws.
         """
         count = len(self.outputs)
         square = (self.outputs - self.middle) ** 2
@@ -113,8 +113,8 @@ class PredictedLoop(Described):
     def inside(self, run: ClosedLoop) -> float:
         """Return the share of a run's samples that lie inside the band.
 
-        With a step reference, only samples from the first step on count: earlier samples depend on the actuator's start
-        procedure, which a prediction from rest does not contain.
+        With a step reference, only samples from the first step on count, because the prediction does not contain the
+        start procedure that precedes the run.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ class PredictedLoop(Described):
 
     @property
     def runs(self) -> tuple[ClosedLoop, ...]:
-        """The draws as closed-loop runs, so that measures can be computed for each."""
+        """One closed-loop run for each draw that did not diverge, from which measures can be computed."""
         return tuple(
             ClosedLoop(
                 status=RunStatus.DONE,
@@ -189,10 +189,10 @@ def predict_loop(
     draws: int = 300,
     progress: Progress | None = None,
 ) -> PredictedLoop:
-    """Run a controller in closed loop with draws of an identified model.
+    """Simulate a controller in closed loop with an identified model, for many draws of the model's parameters.
 
-    For each draw, the parameters are drawn from the model's posterior, a random process with the rms and correlation
-    time of the model's free-run residual is added to the output, and sensor noise is added to the reading.
+    The parameters are drawn from the model's posterior. To the output of each draw, a random process is added that has
+    the rms and correlation time of the model's free-run residual. Sensor noise is added to the reading.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def predict_loop(
     noise : float
         Standard deviation of the sensor noise, in the output's unit.
     rng : numpy.random.Generator
-        Random generator for the draws of the model and for the noise.
+        Random generator for parameters, random process and noise.
     draws : int
         Number of draws.
     progress : callable, optional
@@ -220,8 +220,8 @@ def predict_loop(
     ControlError
         If an argument has the wrong type, or the reference is not a one-dimensional array of finite numbers.
     ModelError
-        If the model has no equilibrium at the controller's operating input, or if readings are taken at the start of
-        the hold and the model's output depends on the command of the same sample.
+        If the model has no equilibrium at the controller's operating input. Also if readings are taken at the start of
+        the hold, but the model's output depends on the command of the same sample.
     """
     wanted = np.asarray(reference, dtype=np.float64)
     rest = equilibrium(model, controller.operating_input).output

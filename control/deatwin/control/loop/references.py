@@ -36,7 +36,7 @@ def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0)
     Raises
     ------
     ControlError
-        If an argument has the wrong type or is not finite, or the rise is longer than the level.
+        If an argument has the wrong type or is not finite, or if `rise` is not less than `plateau`.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def sine_reference(centre: float, amplitude: float, frequency_Hz: float, sample_
     sample_time : float
         Sampling time, s.
     periods : int
-        Number of periods, rounded to whole samples.
+        Number of periods. The length of the reference is rounded to whole samples.
 
     Returns
     -------
@@ -77,8 +77,7 @@ def sine_reference(centre: float, amplitude: float, frequency_Hz: float, sample_
     Raises
     ------
     ControlError
-        If an argument has the wrong type or is not finite, an argument that must be positive is not, or the frequency is not
-        below half the sampling rate.
+        If an argument is invalid, or the frequency is not below half the sampling rate.
     """
     _below_nyquist(frequency_Hz, sample_time)
     count = round(periods / (frequency_Hz * sample_time))
@@ -107,7 +106,7 @@ def _frequencies(value: Any, name: str) -> None:
 def tone_reference(
     centre: float, amplitude: float, frequencies_Hz: ArrayLike, sample_time: float, count: int, rng: np.random.Generator
 ) -> Array:
-    """Make a sum of tones of equal amplitude and random phases that starts smoothly at the centre.
+    """Make a sum of sines of equal amplitude and random phases, which starts smoothly at the centre.
 
     Parameters
     ----------
@@ -116,7 +115,7 @@ def tone_reference(
     amplitude : float
         Largest distance from the centre, in the output's unit.
     frequencies_Hz : array_like, shape (m,)
-        Frequencies of the tones, Hz.
+        Frequencies of the sines, Hz.
     sample_time : float
         Sampling time, s.
     count : int
@@ -127,13 +126,12 @@ def tone_reference(
     Returns
     -------
     ndarray, shape (count,)
-        Reference, in the output's unit. It grows from the centre over the first period of the slowest tone.
+        Reference, in the output's unit. The amplitude grows from zero over the first period of the slowest sine.
 
     Raises
     ------
     ControlError
-        If an argument has the wrong type or is not finite, an argument that must be positive is not, or a frequency is not
-        below half the sampling rate.
+        If an argument is invalid, or a frequency is not below half the sampling rate.
     """
     frequencies = np.atleast_1d(np.asarray(frequencies_Hz, dtype=np.float64))
     _below_nyquist(frequencies.max(), sample_time)

@@ -34,7 +34,9 @@ _PIECE = 20_000  # Number of samples held in memory at a time
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SineResponse:
-    """Response ``G(A, w)`` at amplitude A and frequency w: fundamental of the reading divided by that of the command.
+    """Response ``G(A, w)`` to a sinusoidal command: fundamental of the reading divided by that of the command.
+
+    A is the amplitude of the command and w its angular frequency.
 
     Parameters
     ----------
@@ -43,14 +45,14 @@ class SineResponse:
     omega : ndarray, shape (m,)
         Angular frequencies, rad/s.
     values : ndarray of complex, shape (n, m)
-        Response from a command to the reading just before the next command, output unit per input unit; NaN if the
-        simulation failed.
+        Response G, output unit per input unit, for readings taken just before the next command. NaN if the simulation
+        failed.
 
     Raises
     ------
     ControlError
-        If amplitudes and frequencies are not two or more increasing positive numbers each, or the values are not
-        numbers of the matching shape.
+        If amplitudes or frequencies are not at least two increasing positive numbers, or the values do not have the
+        shape (n, m).
     """
 
     amplitudes: Array
@@ -78,7 +80,7 @@ class SineResponse:
         return RegularGridInterpolator(axes, table, bounds_error=False, fill_value=None)
 
     def __call__(self, amplitude: ArrayLike, omega: ArrayLike) -> Complex:
-        """Interpolate linearly in logarithms; outside the measured points, take the nearest. `omega` in rad/s."""
+        """Interpolate G in the logarithms of A, w and G; outside the measured range, take the nearest A and w."""
         size = np.clip(amplitude, self.amplitudes[0], self.amplitudes[-1])
         rate = np.clip(omega, self.omega[0], self.omega[-1])
         points = np.stack(np.broadcast_arrays(np.log(size), np.log(rate)), axis=-1)
@@ -108,7 +110,7 @@ def _complex(value: Any, name: str) -> None:
 def sine_response(
     plant: Plant, operating_input: float, amplitudes: ArrayLike, omega: ArrayLike, *, progress: Progress | None = None
 ) -> SineResponse | None:
-    """Simulate the noise-free response to sines of increasing amplitude.
+    """Simulate the noise-free response of a plant to sinusoidal commands of several amplitudes and frequencies.
 
     Parameters
     ----------
@@ -126,12 +128,12 @@ def sine_response(
     Returns
     -------
     SineResponse or None
-        Response at the amplitudes at which the simulation did not fail; None if these are fewer than two.
+        Response at all amplitudes below the first one at which the simulation fails. None if there are fewer than two.
 
     Raises
     ------
     ControlError
-        If an argument has the wrong type, or amplitudes or frequencies are not as described.
+        If an argument has the wrong type or range, or if there are fewer than two amplitudes or frequencies.
     """
     sizes, rates = (np.array(v, dtype=np.float64) for v in (amplitudes, omega))
     h = plant.rig.sample_time

@@ -42,19 +42,20 @@ _ELLIPSES = 24  # Number of ellipses that are drawn; more would cover each other
 
 @dataclass(frozen=True, kw_only=True)
 class UncertainMargin:
-    """A margin with its uncertainty.
+    """A gain, phase, delay or disk margin with its uncertainty.
 
     Parameters
     ----------
     value : float
-        Margin of the model itself: a factor, degrees, s, or dimensionless; infinite if nothing bounds it.
+        Margin with the estimated coefficients: gain margin as a factor, phase margin in degrees, delay margin in s,
+        disk margin dimensionless. Infinite if no change of this kind makes the loop unstable.
     deviation : float
-        First-order standard deviation: of the logarithm for gain and disk margin, in the margin's unit for phase and
-        delay; 0 if nothing bounds the margin.
+        First-order standard deviation: for phase and delay, that of the margin; for gain and disk, that of the natural
+        logarithm of the margin. 0 if the margin is infinite.
     low : float
-        Lower confidence limit, to first order: at a level of 95 %, the margin exceeds it with a probability of 97.5 %.
-        With several crossings, it is the smallest of their limits. It is never below the value at the edge of
-        stability, which is 1 for the gain margin and 0 for the others.
+        Lower confidence limit of the margin, to first order. At a level of 95 %, the margin exceeds this limit with a
+        probability of 97.5 %. If the loop has several crossings, the smallest of their limits. The limit is never below
+        the margin at the edge of stability, which is 1 for the gain margin and 0 for the others.
     """
 
     value: float = field(metadata=variable(about="margin of the model itself"))
@@ -67,21 +68,21 @@ _MARGINS = {"gain": "", "phase_deg": "deg", "delay": "s", "disk": ""}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MarginBand(Described):
-    """Margins and locus of a loop with the uncertainty of its model, as `band_margins` returns them.
+    """Margins and Nyquist curve of a loop L with a confidence band, as `band_margins` returns them.
 
     Parameters
     ----------
     gain, phase_deg, delay, disk : UncertainMargin
-        Gain, phase, delay and disk margins, in the units of `deatwin.control.Margins`.
+        Gain margin (factor), phase margin (degrees), delay margin (s) and disk margin (dimensionless).
     modulus : float
-        Least distance of the model's locus from -1, dimensionless.
+        Least distance of L from -1 over frequency, with the estimated coefficients; dimensionless.
     modulus_low : float
-        Least distance of the simultaneous band from -1; 0 if -1 lies inside the band. If `modulus_low` is not 0, every
-        loop of the band encircles -1 as often as the model's own and is stable, to first order.
+        Least distance from -1 to the band of L; 0 if -1 lies inside the band. If this distance is positive, every loop
+        in the band is stable, to first order.
     response : FrequencyResponse
-        Loop L over frequency with the covariance of real and imaginary part, dimensionless.
+        L over frequency, with the covariance of real and imaginary part; dimensionless.
     level : float
-        Two-sided probability of the band and of the limits of margins.
+        Probability that the band contains L at all frequencies. It is also the two-sided level of the margins' limits.
     """
 
     gain: UncertainMargin
@@ -109,17 +110,17 @@ class MarginBand(Described):
 
     @property
     def radius(self) -> float:
-        """Mahalanobis radius of the simultaneous band's ellipses (Scheffé).
+        """Mahalanobis radius of the ellipses that form the band of L (Scheffé).
 
-        The square of the radius is the quantile of chi-square, whose degrees of freedom are the rank of the covariance.
-        The ellipsoid of this radius about the coefficients contains the true coefficients with the probability of the
-        level. The ellipse at each frequency is the projection of this ellipsoid, so that the band contains the true L
-        at all frequencies at once with at least that probability.
+        The square of the radius is the `level` quantile of the chi-square distribution, whose degrees of freedom are
+        the rank of the covariance. The ellipsoid of this radius about the estimated coefficients contains the true
+        coefficients with the probability `level`. The ellipse at each frequency is the projection of this ellipsoid, so
+        the band contains the true L at all frequencies with at least that probability.
         """
         return _scheffe(self.response.theta_cov, self.level)
 
     def ellipse(self, n_points: int = 73) -> Complex:
-        """Return outlines of the simultaneous band, complex (n, `n_points`), whose last point equals the first."""
+        """Return the closed outline of the band's ellipse at each frequency, complex, shape (n, `n_points`)."""
         turn = np.linspace(0.0, 2 * np.pi, n_points)
         outline = self.radius * Ellipses.of(self.response.covariance).roots @ np.stack([np.cos(turn), np.sin(turn)])
         return np.asarray(self.response.values[:, None] + outline[:, 0] + 1j * outline[:, 1])
@@ -175,20 +176,21 @@ class _Loop:
 def band_margins(
     linear: LinearModel, feedback_numerator: ArrayLike, feedback_denominator: ArrayLike, *, level: float = 0.95
 ) -> MarginBand:
-    """Propagate the covariance of a linear model to the margins and the locus of its loop.
+    """Propagate the covariance of a linear model to the margins and the Nyquist curve of its loop with a controller.
 
     A change of the coefficients changes the loop L by dL; L' is the derivative of L with respect to frequency. At a
     phase crossing, ln|L| changes by Re(dL/L) and the frequency of the crossing by -Im(dL/L)/Im(L'/L). At a gain
     crossing, the phase changes by Im(dL/L) and the frequency of the crossing by -Re(dL/L)/Re(L'/L). The disk margin is
-    the minimum of the distance 2 |1 + L|/|1 - L| from -1 over frequency, and its change is the change of this distance
-    at the minimum; the limit of the disk margin is the lowest limit over all local minima.
+    the minimum of 2 |1 + L|/|1 - L| over frequency. It changes as this expression changes at the minimum. Its lower
+    limit is the lowest limit over all local minima.
 
     Parameters
     ----------
     linear : LinearModel
         Model of the actuator with the delay of the loop (`LinearModel.in_loop`) and with its covariance.
     feedback_numerator, feedback_denominator : array_like, shapes (n,) and (m,)
-        Coefficients of z^0, z^-1, ... of the controller's feedback, input unit per output unit; taken as exact.
+        Coefficients of z^0, z^-1, ... of the controller (`Law.feedback`), input unit per output unit. They count as
+        exact.
     level : float
         Probability of the band, between 0 and 1.
 
@@ -197,8 +199,8 @@ def band_margins(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If the loop of the model itself is unstable, the model's coefficients do not represent its matrices accurately,
-        or the level is not between 0 and 1.
+        If the loop with the estimated coefficients is unstable, if the coefficients are inaccurate
+        (`LinearModel.detail`), or if the level does not lie between 0 and 1.
     """
     if not 0.0 < level < 1.0:
         raise ControlError(f"the level is {level}: it must lie between 0 and 1")

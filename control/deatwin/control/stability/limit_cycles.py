@@ -39,8 +39,8 @@ class LimitCycle:
     frequency_Hz : float
         Frequency, Hz.
     stable : bool
-        True if the loop returns to the cycle after a disturbance (Loeb's criterion). A loop leaves an unstable limit
-        cycle, inwards to rest or outwards.
+        True if the loop returns to the cycle after a small disturbance (Loeb's criterion). From an unstable limit cycle
+        the oscillation decays or grows.
     """
 
     amplitude: float = field(metadata=variable(about="of the sine at the input of the nonlinearity"))
@@ -50,7 +50,7 @@ class LimitCycle:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LimitCycles(Described, Sequence[LimitCycle]):
-    """Sequence of the predicted limit cycles of a loop, by increasing amplitude.
+    """Predicted limit cycles of a loop in order of increasing amplitude, with the curves that predict them.
 
     Parameters
     ----------
@@ -59,12 +59,12 @@ class LimitCycles(Described, Sequence[LimitCycle]):
     omega : ndarray, shape (n_omega,)
         Angular frequencies of the search, rad/s.
     loop : ndarray of complex, shape (n_omega,)
-        Loop response L at these frequencies; its product with N is dimensionless.
+        Frequency response L of the linear part of the loop at `omega`, in the inverse unit of `describing`.
     amplitudes : ndarray, shape (n_amplitudes,)
         Amplitudes of the search, in the unit of the nonlinearity's input.
     describing : ndarray of complex, shape (n_amplitudes,)
-        Describing function N at these amplitudes, at the frequency of the first cycle; without a cycle, at the middle
-        frequency of the search.
+        Describing function N of the nonlinearity at `amplitudes`, at the frequency of the first cycle. If there is no
+        cycle, the frequency is the geometric mean of the search range.
     """
 
     cycles: tuple[LimitCycle, ...] = field(metadata=table_along("cycle", kind=LimitCycle))
@@ -151,8 +151,8 @@ def limit_cycles(
     """Predict limit cycles by solving ``1 + N(A, w) L(e^{jwh}) = 0``, the loop under negative feedback.
 
     N(A, w) is the describing function of the nonlinearity at the amplitude A and the angular frequency w, L is the
-    linear part of the loop, and h is the sampling time. In each cell of the grid of amplitudes and frequencies in which
-    -NL passes 1 in both gain and phase, Newton's method on the logarithm of -NL refines the solution.
+    linear part of the loop, and h is the sampling time. Solutions are located on a grid of amplitudes and frequencies,
+    and refined by Newton's method.
 
     Parameters
     ----------
@@ -161,23 +161,24 @@ def limit_cycles(
     sample_time : float
         Sampling time h, s.
     describing_function : callable
-        Function that returns N for arrays of amplitudes and angular frequencies that broadcast.
+        Function that returns N for two arguments, an array of amplitudes and an array of angular frequencies. The
+        arrays broadcast against each other.
     amplitudes : array_like, shape (n_amplitudes,)
-        Amplitudes of the search, increasing and positive, in the unit of the nonlinearity's input. Two cycles in one
-        cell may be found as one.
+        Amplitudes of the search, increasing and positive, in the unit of the nonlinearity's input. Two cycles
+        between the same grid points may be found as one.
     omegas : array_like, shape (n_omega,)
         Angular frequencies of the search, increasing and positive, up to half the sampling rate, rad/s.
 
     Returns
     -------
     LimitCycles
-        Predicted cycles. The prediction is reliable only if the loop attenuates higher harmonics strongly, because the
-        method neglects all harmonics but the first.
+        Predicted cycles. The method neglects all harmonics but the first; the prediction is reliable only if the loop
+        attenuates higher harmonics strongly.
 
     Raises
     ------
     ControlError
-        If there are fewer than two amplitudes or frequencies, or they do not increase or are out of range.
+        If there are fewer than two amplitudes or frequencies, or if they do not increase or lie outside their range.
 
     References
     ----------

@@ -20,7 +20,9 @@ _POLE = 1e3  # Gain above which a loop whose denominator is rounding has a pole
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Margins:
-    """Margins of one or several loops L, as `margins` returns them; all are 0 if the closed loop is unstable.
+    """Margins of one or several loops L, as `margins` returns them; all margins are 0 if the closed loop is unstable.
+
+    Each array has one entry for each loop.
 
     Parameters
     ----------
@@ -58,12 +60,12 @@ class Margins:
 
     @property
     def disk_gain(self) -> Array:
-        """Factor by which the gain may change within the disk, shape (...); infinite for a disk margin of 2 or more."""
+        """Gain margin (factor) that `disk` guarantees, shape (...); infinite for a disk margin of 2 or more."""
         return np.divide(2.0 + self.disk, 2.0 - self.disk, out=np.full(self.disk.shape, np.inf), where=self.disk < 2.0)
 
     @property
     def disk_phase_deg(self) -> Array:
-        """Change of phase within the disk, degrees, shape (...)."""
+        """Phase margin that `disk` guarantees, degrees, shape (...)."""
         return np.degrees(2.0 * np.arctan(0.5 * self.disk))
 
 
@@ -76,15 +78,16 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
     Parameters
     ----------
     numerators, denominators : array_like, shapes (..., n_b) and (..., n_a)
-        Coefficients of z^0, z^-1, ... of dimensionless loops; the leading axes broadcast against each other.
+        Coefficients of z^0, z^-1, ... of dimensionless loops. The leading axes count loops, and broadcast against each
+        other.
     sample_time : float
         Sampling time, s.
 
     Returns
     -------
     Margins
-        Margins with the shape of the leading axes, (1,) for one loop. Crossings within 1e-6 rad per sample of 0 Hz or
-        half the sampling rate are not searched for; these two frequencies themselves are evaluated.
+        Margins with the shape of the leading axes, (1,) for one loop. The loop is evaluated at 0 Hz and at half the
+        sampling rate, but crossings nearer to one of these than 1e-6 rad per sample are not found.
 
     Raises
     ------

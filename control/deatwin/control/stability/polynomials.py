@@ -19,14 +19,14 @@ grows there."""
 
 @taking(first=polynomials, second=polynomials)
 def in_series(first: ArrayLike, second: ArrayLike) -> Array:
-    """Multiply the polynomials of systems in series, such as a model and a controller, for `margins`.
+    """Multiply the polynomials of two systems in series, for example numerators of a model and of a controller.
 
-    Either argument may be a family of polynomials, for example one polynomial for each sample of a model.
+    The products are the numerators and denominators that `margins` needs. Either argument may hold several polynomials.
 
     Parameters
     ----------
     first, second : array_like, shapes (..., n) and (..., m)
-        Coefficients of z^0, z^-1, ...; the leading axes broadcast against each other.
+        Coefficients of z^0, z^-1, .... The leading axes count polynomials, and broadcast against each other.
 
     Returns
     -------
@@ -36,7 +36,7 @@ def in_series(first: ArrayLike, second: ArrayLike) -> Array:
     Raises
     ------
     ControlError
-        If the coefficients are not real numbers, there are none, or their leading axes cannot be broadcast.
+        If there are no coefficients, if a coefficient is not a real number, or if the leading axes do not broadcast.
 
     Examples
     --------

@@ -81,5 +81,5 @@ KOFOD_2001 = BreakdownLaw(
 )
 """Breakdown law of Kofod et al. for films in actuators.
 
-Its fields are lower than those of `HUANG_2012`, because voltage thins a soft film before it breaks.
+The breakdown fields are lower than those of `HUANG_2012`, because voltage thins a soft film before breakdown.
 """
