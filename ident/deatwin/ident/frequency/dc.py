@@ -30,7 +30,7 @@ _PATH_STEPS = 32  # steps from the centre of the training data to the operating 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equilibrium(Frozen):
-    """Equilibria of a model under a constant input; the chosen equilibrium is the one near the training data.
+    """Equilibria of a model under a constant input, and which of them belongs to the training data.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Equilibrium(Frozen):
     stable : ndarray of bool, shape (n_equilibria,)
         True if all poles of the linear part at the equilibrium lie inside the unit circle.
     chosen : int
-        Index of the equilibrium near the training data.
+        Index of the equilibrium that belongs to the training data.
     """
 
     operating_input: Array
@@ -63,8 +63,9 @@ class Equilibrium(Frozen):
 def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> Equilibrium:
     """Find all real equilibria of a model under a constant input.
 
-    The equilibrium near the data is followed from the mean of the training inputs to the operating input; a model
-    without training data is assumed to have zero output under zero input.
+    The equilibrium that belongs to the training data is found by following the equilibrium from the mean of the
+    training inputs to the operating input. If the model has no training data, the path begins at zero input and zero
+    output.
 
     Parameters
     ----------
@@ -76,7 +77,8 @@ def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> E
     Raises
     ------
     ModelError
-        If there is no real equilibrium, every output is an equilibrium, or the coefficients overflow.
+        If the model has several outputs, if it has no real equilibrium or every output is an equilibrium, or if the
+        coefficients overflow.
     """
     target = operating_input_of(model, operating_input)
     roots = _real_equilibria(model, target)
@@ -189,12 +191,12 @@ class Deviations(Frozen):
 
 
 def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> NarxModel:
-    """Return the model of the deviations v = y - ybar and w = u - ubar from an equilibrium.
+    """Return the model of the deviations v = y - ybar and w = u - ubar from an equilibrium (ubar, ybar).
 
     The polynomial is expanded about the equilibrium: parameters change, terms of lower degree appear, and the constant
-    vanishes. (Deleting the constant instead is wrong if the model has nonlinear terms.) The free run of the resulting
-    model equals the free run of the original model. The covariance is propagated to first order, including the shift of
-    the equilibrium with the parameters.
+    term vanishes. (Merely deleting the constant term of a nonlinear model gives a different system.) The free run of
+    the new model, plus ybar, equals the free run of the original model. The covariance of the parameters is propagated
+    to first order, including the shift of the equilibrium.
 
     Parameters
     ----------
@@ -206,13 +208,13 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
     Returns
     -------
     NarxModel
-        Model without a constant; its ``operating`` range is the range of the deviations, centred at 0.
+        Model without a constant term. Its ``operating`` range is that of the deviations.
 
     Raises
     ------
     ModelError
-        If the model has no equilibrium at this input, the model integrates, two equilibria coincide, the coefficients
-        overflow, or no term remains.
+        If the model has no equilibrium at this input, integrates, or has no other term than the constant; if two
+        equilibria coincide; or if the coefficients overflow.
     """
     return deviations(model, operating_input).model
 

@@ -40,18 +40,19 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
     Parameters
     ----------
     response : FrequencyResponse
-        Response with one frequency for each value.
+        Response as a function of one frequency, such as H_1, G_n or Y_n.
     axes : sequence of two matplotlib Axes, optional
         Axes for gain and phase; new ones by default.
 
     Returns
     -------
     tuple of two matplotlib Axes
+        Axes for gain and phase.
 
     Raises
     ------
     ModelError
-        If the response has several frequencies for each value, or there are not two axes.
+        If the response is a function of several frequencies, or there are not two axes.
     """
     from deatwin.ident.frequency.response import FrequencyResponse  # which imports this module to draw itself
 

@@ -37,10 +37,10 @@ def gfrf(
 ) -> FrequencyResponse:
     """Compute the generalised frequency response H_n of a model about an operating point.
 
-    In response to the input A_1 e^(jw_1 t) + ... + A_n e^(jw_n t) about the operating input, the output contains n!
-    H_n(w_1..w_n) A_1 ... A_n e^(j(w_1+...+w_n)t), where H_n is symmetric. With several inputs, `inputs` names the input
-    that carries each tone; if these inputs differ (u1, u2), H_n is a cross kernel, which is unchanged if frequencies
-    are exchanged together with their inputs.
+    If the input deviates from the operating input by A_1 e^(jw_1 t) + ... + A_n e^(jw_n t), the output contains the
+    component n! H_n(w_1, ..., w_n) A_1 ... A_n e^(j(w_1 + ... + w_n) t). H_n is symmetric in its frequencies. With
+    several inputs, each of the n exponentials acts on one input. If these inputs differ, H_n is a cross kernel: it does
+    not change if two frequencies are exchanged together with their inputs.
 
     Parameters
     ----------
@@ -51,24 +51,23 @@ def gfrf(
     omega : array_like, shape (n_values,) for order 1, else (n_values, order)
         Angular frequencies, rad/s, each between minus and plus half the sampling rate; see `frequency_grid`.
     inputs : sequence of str, length n, optional
-        Name of the input that carries each tone, as ``["u1", "u2"]`` or by the model's own names; required if the model
-        has several inputs.
+        Input on which each exponential acts, such as ``["u1", "u2"]``, or by the model's own names. Required if the
+        model has several inputs.
     operating_input : float, or array_like of shape (n_inputs,), optional
-        Constant input about which the model is expanded, in its unit; the mean of the training inputs by default (0
-        after `remove_dc`, and without training data).
+        Constant input about which the model is expanded, in its unit. By default the mean of the training inputs, or 0
+        if the model has no training data.
 
     Returns
     -------
     FrequencyResponse
-        Response H_n, in output units per product of the inputs' units, with the covariance that follows from the
-        parameters.
+        Response H_n, in output units per product of the inputs' units, with the covariance that follows from that of
+        the parameters.
 
     Raises
     ------
     ModelError
-        If the order is not available; if the model has several outputs, noise terms or no equilibrium; if
-        it has several inputs and `inputs` is omitted; if the frequencies are not real numbers of that shape in that
-        range; or if some of them add up to the frequency of a pole on the unit circle.
+        If an argument is invalid; if the model has several outputs, noise terms or no equilibrium; or if frequencies
+        add up to that of a pole on the unit circle.
 
     References
     ----------
@@ -107,17 +106,17 @@ def gfrf(
 
 
 def frequency_grid(*axes: ArrayLike) -> Array:
-    """Return all combinations of the frequencies of several tones, for `gfrf`; the last frequency varies fastest.
+    """Return all combinations of frequencies from several lists, as `gfrf` takes them.
 
     Parameters
     ----------
     *axes : array_like, shape (n_i,)
-        Angular frequencies of each tone, rad/s.
+        Angular frequencies, rad/s: one list for each frequency w_i of the response.
 
     Returns
     -------
     ndarray, shape (n_1 n_2 ..., number of axes)
-        Combinations, in the form that `gfrf` takes.
+        One combination in each row; the last frequency varies fastest.
 
     Raises
     ------

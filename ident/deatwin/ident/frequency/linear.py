@@ -37,7 +37,7 @@ class LinearPart(Frozen):
     input_index : ndarray of int, shape (n_b,)
         Index of the input that each coefficient belongs to.
     a_theta, b_theta : ndarray, shape (n_a, n_terms) and (n_b, n_terms)
-        Derivatives with respect to the model's parameters, including the shift of the equilibrium.
+        Derivatives of `a` and `b` with respect to the model's parameters, including the shift of the equilibrium.
     """
 
     output_lags: NDArray[np.int64]
@@ -82,8 +82,8 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
     Raises
     ------
     ModelError
-        If the model integrates or two equilibria coincide there, so that the equilibrium has no derivative; if a
-        function in a term has no derivative at the equilibrium, as |u| at zero; or if the coefficients overflow.
+        If the equilibrium has no derivative, because the model integrates or two equilibria coincide; if a term has no
+        derivative, such as |u| at zero; or if the coefficients overflow.
     """
     inputs = operating_input_of(model, operating_input)
     arguments = levels(model, inputs, real_number(output, "output"))

@@ -66,7 +66,7 @@ class Band(Frozen):
     low, high : ndarray, shape (n,)
         Lower and upper limits, in the response's unit.
     linear_law : ndarray of bool, shape (n,)
-        True if the gain is far enough from zero for the first-order (linear) propagation to hold.
+        True where the gain is so large, compared with its uncertainty, that first-order propagation holds.
     """
 
     level: float
@@ -95,13 +95,13 @@ class Pointwise(Frozen):
 class FrequencyResponse(Described, Frozen):
     """Frequency response or output spectrum of order n at an operating point, with the uncertainty of the parameters.
 
-    H_n is a generalised frequency response (`gfrf`), G_n a nonlinear output frequency response (`nofrf`), and Y_n the
-    n-th order of the output's spectrum (`output_orders`).
+    The response is one of three: H_n, a generalised frequency response (`gfrf`); G_n, a nonlinear output frequency
+    response (`nofrf`); or Y_n, the n-th order of the output's spectrum (`output_orders`).
 
     Parameters
     ----------
     symbol : str
-        Symbol "H", "G" or "Y".
+        "H", "G" or "Y".
     order : int
         Order n; 0 for the sum of all orders.
     values : ndarray of complex, shape (n_values,)
@@ -111,22 +111,22 @@ class FrequencyResponse(Described, Frozen):
     point : Equilibrium
         Operating point.
     status : FrequencyStatus
-        Status that says whether the operating point is stable.
+        Status, which states whether the operating point is stable.
     unit : str
         Unit of the values.
     theta_cov : ndarray, shape (n_terms, n_terms)
         Covariance of the model's parameters.
     differentiate : callable
-        Function without arguments that returns the derivative of the values with respect to these parameters, complex,
+        Function without arguments. It returns the derivative of the values with respect to the parameters, complex,
         shape (n_values, n_terms), including the shift of the equilibrium.
     evaluate : callable, optional
-        Function of parameters, shape (n_draws, n_terms), that returns for each draw the values, and whether the
-        equilibrium exists and is stable. If it is omitted, the model is analysed again for each draw.
+        Function that takes draws of the parameters, shape (n_draws, n_terms). For each draw it returns the values, and
+        whether the equilibrium exists and is stable. Without this function, the model is analysed anew for each draw.
     theta_dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     inputs : tuple of str
-        Names of n inputs, one for each frequency of H_n, or one for each factor of the product of inputs to which G_n
-        or Y_n belongs; empty for a model of one input.
+        Names of n inputs; empty for a model of one input. H_n has one name for each frequency. For G_n and Y_n, the
+        names are the factors of the product of inputs to which the response belongs.
     """
 
     symbol: str = field(metadata=attribute())
@@ -152,7 +152,7 @@ class FrequencyResponse(Described, Frozen):
 
     @cached_property
     def gradient(self) -> Complex:
-        """Derivative with respect to the model's parameters, complex, shape (n_values, n_terms); computed on first use."""
+        """Derivative of the values with respect to the model's parameters, complex, shape (n_values, n_terms)."""
         gradient = self.differentiate()
         gradient.setflags(write=False)
         return gradient
@@ -164,7 +164,7 @@ class FrequencyResponse(Described, Frozen):
         return read_only(parts @ self.theta_cov @ parts.swapaxes(1, 2))
 
     def at_points(self, chosen: NDArray[Any] | slice) -> FrequencyResponse:
-        """Return the response at the points that `chosen`, a mask, indices or a slice, selects."""
+        """Return the response at selected points; `chosen` is a mask, an array of indices or a slice."""
         where = np.arange(self.values.size)[chosen]
         derive, many = self.differentiate, self.evaluate
         if many is not None:
@@ -179,7 +179,7 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def label(self) -> str:
-        """Symbol and order, and the inputs if there are several, for axes and legends."""
+        """Symbol, order and (if there are several) inputs, as text for axes and legends."""
         order = f"_{self.order}" if self.order else ""
         names = ",".join(self.inputs).replace("_", r"\_").replace(" ", r"\ ")
         return f"${self.symbol}{order}" + (rf"^{{\mathrm{{{names}}}}}$" if names else "$")
@@ -205,14 +205,14 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def gain_deviation(self) -> Array:
-        """Standard deviation of the gain, shape (n_values,): that of the covariance ellipse towards the value."""
+        """First-order standard deviation of the gain, shape (n_values,), in ``unit``."""
         return self._deviation(self._direction)
 
     @property
     def phase_deviation_deg(self) -> Array:
-        """Standard deviation of the phase, degrees, shape (n_values,): perpendicular to the value, divided by the gain.
+        """First-order standard deviation of the phase, degrees, shape (n_values,).
 
-        Like `gain_deviation`, it holds to first order. It is infinite if the gain is zero and uncertain.
+        The standard deviation is infinite where the gain is zero and uncertain.
         """
         across = self._deviation(1j * self._direction)
         ratio = np.full(across.shape, np.inf)
@@ -238,11 +238,11 @@ class FrequencyResponse(Described, Frozen):
     def band(self, level: float = 0.95) -> Band:
         """Return a pointwise confidence band of the gain.
 
-        The parameters are assumed normal, or Student-t if ``theta_dof`` is finite, and the gain linear in them. The
-        linearisation fails if the gain is not large compared with its uncertainty (the gain of a normal complex number
-        near zero is Rice-distributed). ``linear_law`` is therefore False if the gain is below four standard deviations
-        along the longer axis of the ellipse. Use `propagate` to test whether the response itself is linear in the
-        parameters. The lower limit is never below zero.
+        The parameters are assumed to be normal, or Student-t if ``theta_dof`` is finite. The gain is assumed to be
+        linear in the parameters, which fails if the gain is not large compared with its uncertainty. ``linear_law`` is
+        therefore False where the gain is below four standard deviations along the longer axis of the covariance
+        ellipse. To test whether the complex response is linear in the parameters, use `propagate`. The lower limit is
+        never below zero.
 
         Parameters
         ----------
@@ -263,10 +263,10 @@ class FrequencyResponse(Described, Frozen):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the gain on `ax` or new axes: over frequency with its 95 % band, or over two frequencies as contours.
+        """Plot the gain over one frequency with its 95 % band, or over two as contours, on `ax` or new axes.
 
-        A response of order three or more on a grid is plotted as a slice over the first two frequencies, with the
-        others held constant; points that do not form a grid are plotted as points. See also `bode`.
+        A response of order three or more on a grid is plotted over the first two frequencies, with the other
+        frequencies held constant. Points that do not form a grid are plotted as points. See also `bode`.
         """
         from deatwin.ident.frequency.drawing import plot_response
 

@@ -29,9 +29,10 @@ _EXCITED = 1e-12  # share of the largest line below which a line is a rounding e
 def output_spectrum(
     model: NarxModel, excitation: ArrayLike, order: int, *, operating_input: ArrayLike | None = None
 ) -> FrequencyResponse:
-    """Compute the spectrum of the output in the steady state of a periodic input, up to an order.
+    """Compute the spectrum of the steady-state output under a periodic input, up to a given order.
 
-    The spectrum is Y = Y_1 + ... + Y_N, where Y_n is proportional to the n-th power of the input's size.
+    The spectrum is Y = Y_1 + ... + Y_N. If the excitation is multiplied by a factor, Y_n grows with the n-th power of
+    this factor.
 
     Parameters
     ----------
@@ -55,9 +56,8 @@ def output_spectrum(
     Raises
     ------
     ModelError
-        If the order is not an integer; if the model has several outputs or no equilibrium; if the excitation is not a
-        finite period of each input at the model's sampling time; if the excitation is so large that an order overflows;
-        or if a line of the excitation coincides with a pole on the unit circle.
+        If an argument is invalid; if the model has several outputs or no equilibrium; if the excitation is so large
+        that an order overflows; or if a line of the excitation coincides with a pole on the unit circle.
     """
     highest = whole_order(order)
     return _steady(model, excitation, operating_input, highest).response(range(1, highest + 1), 0)
@@ -66,7 +66,9 @@ def output_spectrum(
 def output_orders(
     model: NarxModel, excitation: ArrayLike, order: int, *, operating_input: ArrayLike | None = None
 ) -> tuple[FrequencyResponse, ...]:
-    """Compute the spectra Y_1, ..., Y_N of the orders of the output in the steady state of a periodic input.
+    """Compute the spectra Y_1, ..., Y_N of the orders of the steady-state output under a periodic input.
+
+    If the excitation is multiplied by a factor, Y_n grows with the n-th power of this factor.
 
     Parameters
     ----------
@@ -83,7 +85,8 @@ def output_orders(
     Returns
     -------
     tuple of FrequencyResponse, length N
-        Spectra Y_1, ..., Y_N, each in the form in which `output_spectrum` returns their sum.
+        Fourier coefficients Y_1, ..., Y_N, in the output's unit, at all lines of the period from 0 to half the sampling
+        rate. Their sum is the result of `output_spectrum`.
 
     Raises
     ------

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Agreement(Enum):
-    """Outcome of the comparison of two responses in a band.
+    """Outcome of the comparison of two frequency responses in one band of frequencies.
 
     The value of each member is a message for the user.
     """
@@ -58,9 +58,10 @@ class Difference:
     adjusted : float
         The p-value of the test, corrected for the number of tests.
     size : float
-        Magnitude of the difference of the means over the band, relative to the root mean square gain of both responses.
+        Magnitude of the difference of the two means, divided by the root mean square gain of both responses in the
+        band.
     agreement : Agreement
-        Conclusion from the test.
+        Outcome of the test.
     """
 
     first: str
@@ -80,7 +81,7 @@ class Difference:
 
     @property
     def differs(self) -> bool:
-        """True if the means over the band differ significantly, for any reason."""
+        """True if the means over the band differ significantly, whether drift may be the cause or not."""
         return not self.agreement.ok
 
     @property
@@ -95,12 +96,12 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """Drift of a frequency response within one record, for one order and one band.
+    """Drift of a frequency response within one recording, for one order and one band.
 
     Parameters
     ----------
     name : str
-        Name of the record.
+        Name of the recording.
     order : int
         Order n of the generalised frequency response H_n (`gfrf`).
     from_Hz, to_Hz : float
@@ -110,8 +111,8 @@ class Drift:
     adjusted : float
         The p-value of the test, corrected for the number of tests.
     size : float
-        Largest difference between the responses at two times, relative to the root mean square gain; part of this
-        difference is due to chance.
+        Largest difference between the band's mean responses at two times, divided by the root mean square gain. Part of
+        this difference is due to chance.
     drifts : bool
         True if the drift is significant.
     """
@@ -139,16 +140,16 @@ def _each(name: str) -> Callable[[Comparison], Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison(Described):
-    """Table of the differences between two or more responses.
+    """Table of the differences between two or more frequency responses.
 
     Parameters
     ----------
     differences : tuple of Difference
-        Differences, sorted by pair, order and band.
+        One entry for each pair of responses, order and band, sorted in this order.
     level : float
-        Probability of at least one false difference in the table.
+        Probability that the table states at least one difference although there is none.
     drifts : tuple of Drift
-        Drifts within each record, sorted by record, order and band; empty if models were compared.
+        One entry for each recording, order and band, sorted in this order. Empty if models were compared.
     """
 
     differences: tuple[Difference, ...]
@@ -183,12 +184,12 @@ class Comparison(Described):
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of the names that were compared, each once."""
+        """Names of the responses in each pair that was compared."""
         return tuple(dict.fromkeys((d.first, d.second) for d in self.differences))
 
     @property
     def columns(self) -> tuple[tuple[int, float, float], ...]:
-        """Orders and edges of their bands, Hz."""
+        """Order and band edges (Hz) of each combination that was compared, as (order, low, high)."""
         return tuple(dict.fromkeys((d.order, d.from_Hz, d.to_Hz) for d in self.differences))
 
     @property
@@ -215,18 +216,16 @@ def compare(
     least: float = 0.0,
     names: tuple[str, str] = ("first", "second"),
 ) -> Comparison:
-    """Test in which orders and bands two independent models differ.
+    """Test in which orders of the frequency response, and in which bands, two independent models differ.
 
-    For each order n and band, the complex means of the generalised frequency response H_n over the band are compared;
-    the covariances of these means follow from the covariances of the parameters. Models with different terms may be
-    compared if their covariances are realistic. If the terms leave out physics, only models with the same terms, fitted
-    in the same way to records with similar excitation, should have equal parameters, and only `robust` covariances
-    describe their scatter.
+    For each order n and band, the test compares the complex means of the generalised frequency response H_n over the
+    band. The covariances of these means follow from the covariances of the models' parameters.
 
-    The test has two limits. Changes that average out over a band are missed, such as a resonance that moves within the
-    band; bands no wider than the resonance reveal such a change. And a response with only two parameters has the same
-    p-value in every band, because each band determines both parameters; such bands differ only in the sizes of the
-    differences, and in whether these exceed ``least``.
+    If the models represent all physics, their terms may differ. Otherwise compare only models that have the same terms,
+    were fitted in the same way to recordings with similar excitation, and have covariances from `robust`.
+
+    A change that averages out over a band is missed, for example a small shift of a resonance within the band. To find
+    such a change, choose bands no wider than the resonance.
 
     Parameters
     ----------
@@ -237,22 +236,23 @@ def compare(
     bands : sequence of (float, float)
         Bands of output frequencies w_1 + ... + w_n, Hz.
     operating_input : float, optional
-        Constant input about which both models are expanded, in the input's unit; by default halfway between the centres
-        of their training data.
+        Constant input about which both models are expanded, in the input's unit. By default halfway between the mean
+        training inputs of the two models.
     input_band : tuple of float, optional
-        Lowest and highest input frequency, Hz; by default 0 and the highest edge of the bands.
+        Lowest and highest input frequency w_i, Hz; by default 0 and the highest edge of the bands.
     level : float
-        Probability of finding any difference if there is none, corrected over orders and bands (Holm).
+        Probability of finding at least one difference although there is none. The p-values of all orders and bands are
+        corrected for their number (Holm).
     least : float
-        Differences up to this share of the gain are ignored.
+        Largest difference that is ignored, as a share of the root mean square gain in the band.
     names : tuple of str
         Names of the two models in the table.
 
     Raises
     ------
     ModelError
-        If the models cannot be compared or have no covariance, an order or a band is invalid, no output frequency lies
-        in a band, or for the reasons given in `gfrf`.
+        If the units of the models differ, if neither model has a covariance, if an argument is invalid, if no output
+        frequency lies in a band, or for the reasons given in `gfrf`.
     """
     _require_alike(require_model(first), require_model(second))
     if not real_number(least, "least") >= 0:

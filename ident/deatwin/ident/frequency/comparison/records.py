@@ -71,49 +71,52 @@ def compare_records(
     n_slow: int = SLOW,
     n_blocks: int = BLOCKS,
 ) -> Comparison:
-    """Test in which orders and bands records of several actuators differ, and distinguish drift from difference.
+    """Test in which orders and bands recordings of several actuators differ, and whether drift may be the cause.
 
-    Every record is fitted with the same terms by least squares, and each pair is compared as in `compare`, with the
-    scatter estimated from the records themselves. If the means of a pair differ, the responses at the different times
-    of both records are compared. If no response of one record resembles any response of the other, the actuators
-    differ; otherwise drift may be the cause. A record without significant drift is taken to have the same response at
-    all times, because a drift that is too small to be detected cannot explain a difference.
+    Every recording is fitted with the same terms by least squares. Each pair of recordings is then compared as in
+    `compare`, with a covariance estimated from the scatter between blocks of each recording.
+
+    If the two mean responses of a pair differ, the responses at all times of one recording are compared with those at
+    all times of the other. If no two of them agree, the actuators differ; otherwise drift may be the cause. The
+    response of a recording without significant drift is taken as constant.
 
     Parameters
     ----------
     recordings : mapping of str to Recording, Experiment, or several
-        Recordings of one input and one output, by the name of the actuator; with the same excitation, sampling time and
-        about the same length.
+        Recordings of one input and one output, by the name of the actuator. They need the same excitation, the same
+        sampling time and about the same length.
     terms : NarxModel, or sequence of Term or str
-        Terms of all models, as `Fixed` takes them.
+        Terms of the model that is fitted to each recording.
     orders : iterable of int
         Orders n of H_n, up to 5.
     bands : sequence of (float, float)
-        Bands of output frequencies, Hz.
+        Bands of output frequencies w_1 + ... + w_n, Hz.
     operating_input : float, optional
-        Constant input about which all models are expanded, in the input's unit; by default the mean over all records.
+        Constant input about which all models are expanded, in the input's unit. By default the mean input of all
+        recordings.
     input_band : tuple of float, optional
-        Lowest and highest input frequency, Hz; by default 0 and the highest edge of the bands.
+        Lowest and highest input frequency w_i, Hz; by default 0 and the highest edge of the bands.
     level : float
-        Probability of finding any difference if there is none, corrected over pairs, orders and bands (Holm); also the
-        probability of finding any drift if there is none, corrected over records, orders and bands.
+        Probability of finding at least one difference although there is none, and of finding at least one drift
+        although there is none. The p-values are corrected for the number of tests (Holm).
     least : float
-        Differences up to this share of the gain are ignored.
+        Largest difference that is ignored, as a share of the root mean square gain in the band.
     n_slow : int
-        Number of cosines that model the drift, with half a period, one period, ... in the record.
+        Number of cosines that model the drift. The first has half a period in the recording, the second one period, and
+        so on.
     n_blocks : int
-        Number of blocks into which each record is cut; a block must be longer than the memory of the actuators.
+        Number of blocks into which each recording is divided. A block must be longer than the memory of the actuators.
 
     Returns
     -------
     Comparison
-        Table of differences, with ``drifts``.
+        Table of the differences between recordings, and of the drifts within each recording.
 
     Raises
     ------
     ModelError
-        If there are fewer than two records, they are too short or do not determine the parameters, or for the reasons
-        given in `compare`.
+        If there are fewer than two recordings, if a recording is too short or does not determine the parameters, or for
+        the reasons given in `compare`.
     """
     if not isinstance(recordings, Mapping) or len(recordings) < 2:
         raise ModelError("a comparison needs the recordings of at least two actuators, by their names")

@@ -46,12 +46,13 @@ def nofrf(
     highest: int | None = None,
     operating_input: ArrayLike | None = None,
 ) -> Nofrf:
-    """Estimate nonlinear output frequency responses by least squares over levels of an excitation.
+    """Estimate nonlinear output frequency responses (NOFRFs) from simulations at several levels of an excitation.
 
     The output's spectrum in the steady state is Y = G_1 U_1 + G_2 U_2 + ..., where G_n is the response of order n and
-    U_n is the spectrum of the input's n-th power. The model is simulated at several levels of the excitation: Chebyshev
-    nodes of both signs, twice as many as orders. At each line, the orders are separated by their growth with the level.
-    An order n is fitted only at lines that are sums of n input frequencies.
+    U_n is the spectrum of the input's n-th power. The model is simulated with the excitation multiplied by several
+    factors (levels), which are Chebyshev nodes of both signs. The term G_n U_n grows with the n-th power of the level,
+    so at each spectral line a least-squares fit over the levels separates the orders. An order n is fitted only at
+    lines that are sums of n input frequencies.
 
     Parameters
     ----------
@@ -63,8 +64,8 @@ def nofrf(
     order : int
         Desired order n, from 1 to 20.
     highest : int, optional
-        Number of orders to fit, up to 20. By default the smallest number, from ``order`` to ``order`` + 4, whose
-        prediction error at left-out levels is at most twice the smallest of these errors.
+        Number of orders to fit, up to 20. By default, all numbers from ``order`` to ``order`` + 4 are tried, and the
+        smallest number is taken whose leave-one-out error over the levels is at most twice the least error.
     operating_input : float, optional
         Constant input about which the model is analysed, in its unit; the mean of the training inputs by default.
 
@@ -76,8 +77,8 @@ def nofrf(
     Raises
     ------
     ModelError
-        If order or excitation are not as described, the model diverges at so many levels that fewer remain than there
-        are orders, or the model has several inputs or no equilibrium.
+        If an argument is invalid, if the model has several inputs or no equilibrium, or if it diverges at so many
+        levels that fewer levels than orders remain.
 
     References
     ----------
@@ -106,11 +107,11 @@ def nofrf_exact(
     *,
     operating_input: ArrayLike | None = None,
 ) -> FrequencyResponse:
-    """Compute a nonlinear output frequency response from the model's equations, without truncation.
+    """Compute a nonlinear output frequency response (NOFRF) from the model's equations, without truncation.
 
-    The response is G_n = Y_n / U_n, where `output_orders` gives the n-th order Y_n of the output. For several inputs,
-    Y_n is the part of the output that is proportional to the given power of each input, and U_n is the spectrum of the
-    product of these powers.
+    The response is G_n = Y_n / U_n. Y_n is the spectrum of the n-th order of the output (`output_orders`), and U_n that
+    of the n-th power of the input. For several inputs, Y_n belongs to the part of the output that is proportional to
+    the given power of each input, and U_n to the product of these powers.
 
     Parameters
     ----------
@@ -120,21 +121,20 @@ def nofrf_exact(
         One period of the input as deviations from the operating input, at the model's sampling time, in the input's
         unit.
     order : int, or mapping of str to int
-        Order n, at least 1; with several inputs, a mapping of each input's name to its power, as
-        ``{"u1": 1, "u2": 1}``; an input that is not named has power 0.
+        Order n, at least 1. With several inputs, a mapping from each input's name to its power, such as
+        ``{"u1": 1, "u2": 1}``; inputs that are not named have power 0.
     operating_input : float, or array_like of shape (n_inputs,), optional
         Constant input about which the model is analysed, in its unit; the mean of the training inputs by default.
 
     Returns
     -------
     FrequencyResponse
-        Response G_n, in output units per n-th power of the input unit, at the lines of the period at which U_n is not
-        zero.
+        Response G_n, in output units per n-th power of the input unit, at the spectral lines at which U_n is not zero.
 
     Warns
     -----
     NofrfWarning
-        If the excitation is not suitable for the order.
+        If contributions to U_n cancel at some lines, where G_n is then erratic (`InputSpectrum.suitable`).
 
     Raises
     ------

@@ -34,13 +34,13 @@ _EDGE = 1e-9  # relative distance from an end of the band within which a line is
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TestSignal(Described, Frozen):
-    """One period of a test signal; functions that take an excitation accept it as an array.
+    """One period of a test signal. Functions that take an excitation accept this object like an array.
 
     Parameters
     ----------
     values : ndarray, shape (n_samples,)
-        Deviations from the operating input, in ``unit``. A signal from `design_excitation` is a pulse that is largest
-        at the first sample.
+        Deviations from the operating input, in ``unit``. `design_excitation` returns a pulse with its peak at the first
+        sample.
     sample_time : float
         Sampling time, s.
     band_Hz : tuple of two floats
@@ -88,14 +88,14 @@ class TestSignal(Described, Frozen):
         return self.amplitude / float(np.sqrt(np.mean(self.values**2)))
 
     def scaled(self, factor: float) -> TestSignal:
-        """Return the signal times `factor`; ModelError if a value is then not finite."""
+        """Return the signal multiplied by `factor`; ModelError if a value overflows."""
         share = real_number(factor, "the factor")
         if not math.isfinite(share * self.amplitude):
             raise ModelError(f"the factor is {factor}; it must leave the values finite")
         return replace(self, values=share * self.values)
 
     def input_spectrum(self, order: int) -> InputSpectrum:
-        """Return the spectrum of the signal's power `order`, at least 1."""
+        """Return the spectrum of the signal to the power `order`, which is at least 1."""
         return input_spectrum(self.values, order, self.sample_time, unit=self.unit)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -119,12 +119,11 @@ def design_excitation(
     period: float | None = None,
     unit: str = "",
 ) -> TestSignal:
-    """Design a test signal whose powers have smooth spectra: all lines in a band, with equal amplitude and phase.
+    """Design a periodic pulse that contains all spectral lines of a band with equal amplitude and phase.
 
-    The signal is the periodic form of the pulse (3/2pi) (sin(2 pi b t) - sin(2 pi a t)) / t for the band from a to b.
-    Because all contributions to the spectrum of a power are in phase, none cancel, and a nonlinear output frequency
-    response is a mean of the generalised frequency response with positive weights. The disadvantage is a high crest
-    factor.
+    The pulse is proportional to (sin(2 pi b t) - sin(2 pi a t)) / t for a band from a to b. All contributions to the
+    spectrum of its n-th power are in phase, so none cancel. A nonlinear output frequency response (NOFRF) is then a
+    mean of the generalised frequency response with positive weights. The disadvantage is a high crest factor.
 
     Parameters
     ----------
@@ -135,20 +134,18 @@ def design_excitation(
     amplitude : float, optional
         Largest deviation from the operating input, in the input's unit.
     operating : OperatingRange, optional
-        Operating range of a model's training data, as an alternative to the amplitude: at levels from -1 to 1 the
-        signal stays within this range about its centre.
+        Operating range of a model's training data, to be given instead of the amplitude. The amplitude is then the
+        distance from the range's centre to its nearer limit.
     period : float, optional
-        Length of the period, s, rounded to whole samples, at most 10 million; by default the upper end of the band is
-        its 20th line.
+        Length of the period, s; rounded to whole samples. By default 20 periods of the highest frequency.
     unit : str
         Unit of the input.
 
     Raises
     ------
     ModelError
-        If the band is not two frequencies low <= high below half the sampling rate; if it contains no line of the
-        period; if the period has fewer than two or more than 10 million samples; if the amplitude is not positive; or
-        if not exactly one of amplitude and operating range is given.
+        If an argument is invalid, if the band contains no spectral line of the period, if the period has fewer than two
+        or more than 10 million samples, or if not exactly one of `amplitude` and `operating` is given.
 
     References
     ----------

@@ -39,11 +39,11 @@ _COUNTED = 1e-3  # -60 dB: lines whose contributions are below this share of the
 class InputSpectrum(Described, Frozen):
     """Spectrum U_n of the n-th power of an input.
 
-    Let U be the spectrum of the input and Y_n the n-th order of the output. At the line k, the nonlinear output
-    frequency response G_n = Y_n / U_n is a mean of the generalised frequency response H_n over all combinations of
-    lines k_1, ..., k_n that add up to k. The weights of this mean are U(k_1) ... U(k_n) / U_n(k). They sum to one but
-    are complex: if contributions to U_n cancel, the weights are large, and G_n can lie far outside the values that it
-    averages.
+    Let U be the spectrum of the input and Y_n that of the n-th order of the output. At the line k, the nonlinear output
+    frequency response G_n = Y_n / U_n is a weighted mean of the generalised frequency response H_n over all
+    combinations of lines k_1, ..., k_n that add up to k. The weights are U(k_1) ... U(k_n) / U_n(k). They are complex
+    and sum to one. If contributions to U_n(k) cancel, the weights are large, and G_n can lie far outside the range of
+    H_n.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ class InputSpectrum(Described, Frozen):
     values : ndarray of complex, shape (n_lines,)
         Fourier coefficients U_n, in ``unit``, at all lines of the period up to half the sampling rate.
     in_phase : ndarray, shape (n_lines,)
-        Value of U_n if all its contributions were in phase: the n-fold convolution of |U|, in ``unit``.
+        Magnitude that U_n would have if all contributions were in phase, in ``unit``: the n-fold convolution of |U|.
     in_range : ndarray of bool, shape (n_lines,)
-        True for lines that are sums of n excited lines.
+        True for lines that are sums of n lines of the input.
     omega : ndarray, shape (n_lines,)
         Angular frequencies, rad/s.
     unit : str
@@ -80,14 +80,14 @@ class InputSpectrum(Described, Frozen):
 
     @property
     def defined(self) -> Flags:
-        """True where G_n exists, shape (n_lines,): in range, with contributions that do not cancel to rounding."""
+        """True where G_n exists, shape (n_lines,): at lines in range at which U_n exceeds rounding errors."""
         return np.asarray(self.in_range & (np.abs(self.values) > _CANCELLED * self.in_phase.max()), dtype=np.bool_)
 
     @property
     def amplification(self) -> Array:
-        """Sum of the magnitudes of the weights of the mean, shape (n_lines,).
+        """Sum of the magnitudes of the weights of G_n, shape (n_lines,).
 
-        The sum is 1 if all contributions are in phase, infinite if they cancel, and NaN outside the range.
+        The sum is 1 if all contributions to U_n are in phase, infinite if they cancel, and NaN outside the range.
         """
         found = np.where(self.in_range, np.inf, np.nan)
         np.divide(self.in_phase, np.abs(self.values), out=found, where=self.defined)
@@ -95,13 +95,13 @@ class InputSpectrum(Described, Frozen):
 
     @property
     def largest_amplification(self) -> float:
-        """Largest amplification among lines whose in-phase contributions are within 60 dB of the largest."""
+        """Largest `amplification`, over the lines at which `in_phase` is within 60 dB of its maximum."""
         counted = self.in_range & (self.in_phase >= _COUNTED * self.in_phase.max())
         return float(self.amplification[counted].max())
 
     @property
     def suitable(self) -> bool:
-        """True if the largest amplification is at most 5."""
+        """True if `largest_amplification` is at most 5, so that G_n is not erratic."""
         return self.largest_amplification <= AMPLIFICATION
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -141,8 +141,7 @@ def input_spectrum(excitation: ArrayLike, order: int, sample_time: float, *, uni
     Raises
     ------
     ModelError
-        If the order is not an integer of at least 1, the sampling time is not positive, the excitation is not a finite
-        period or is zero, or its power leaves the range of double precision.
+        If an argument is invalid, if the excitation is zero, or if its power leaves the range of double precision.
 
     References
     ----------

@@ -19,9 +19,9 @@ _ROUNDING = 1e-9  # gap that still counts as contact, relative to half the sampl
 def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None = None) -> Array:
     """Return the frequencies at which the n-th order of the output can have energy if the input lies in a band.
 
-    The output frequencies are sums w_1 + ... + w_n of n input frequencies, each of either sign. With k negative
-    frequencies the sums fill the interval from (n-k) low - k high to (n-k) high - k low; a negative sum counts as its
-    magnitude. In sampled signals, sums beyond half the sampling rate fold back below it.
+    The output frequencies are sums w_1 + ... + w_n of n input frequencies, each positive or negative. If k of them are
+    negative, the sums fill the interval from (n-k) low - k high to (n-k) high - k low. A negative sum stands for the
+    frequency of the same magnitude. In sampled signals, sums beyond half the sampling rate are aliased.
 
     Parameters
     ----------
@@ -30,18 +30,17 @@ def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None
     order : int
         Order n, at least 1.
     sample_time : float, optional
-        Sampling time, s; by default frequencies do not fold back.
+        Sampling time, s; by default there is no aliasing.
 
     Returns
     -------
     ndarray, shape (n_intervals, 2)
-        Lowest and highest angular frequency of each interval, rad/s; the intervals increase and are disjoint.
+        Lowest and highest angular frequency of each interval, rad/s. The intervals are disjoint and increase.
 
     Raises
     ------
     ModelError
-        If the order is not an integer of at least 1, the band is not two frequencies 0 <= low <= high, it extends
-        beyond half the sampling rate, or the sums overflow.
+        If an argument is invalid, if the band extends beyond half the sampling rate, or if the sums overflow.
 
     References
     ----------

@@ -28,7 +28,7 @@ _SHOWN = 0.01  # truncation errors below this share of the gain are not drawn
 
 
 class NofrfWarning(UserWarning):
-    """Warning that a nonlinear output frequency response is not reliable; the text advises what to do."""
+    """Issued if a nonlinear output frequency response is not reliable; the text advises what to do."""
 
 
 class NofrfStatus(Enum):
@@ -66,41 +66,45 @@ class NofrfStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nofrf(Described, Frozen):
-    """Nonlinear output frequency responses G_1, ..., G_N, estimated by least squares over levels of an excitation.
+    """Nonlinear output frequency responses G_1, ..., G_N, estimated by `nofrf`.
+
+    The model was simulated with the excitation multiplied by several factors, which are called levels. At each level,
+    the output's spectrum was fitted by Y_1 + ... + Y_N with Y_n = G_n U_n, where U_n is the spectrum of the n-th power
+    of the input.
 
     Parameters
     ----------
     order : int
-        Requested order n.
+        Requested order, at most N.
     orders : tuple of FrequencyResponse, length N
-        Responses G_1, ..., G_N, each at the lines at which it exists, in output unit per power of the input unit.
-        Derivatives, covariances and values at other parameters are those of the exact G_n.
+        Responses G_1, ..., G_N, in output unit per n-th power of the input unit. Each is given at the lines at which
+        U_n is not zero. Their covariances are those of the exact G_n (`nofrf_exact`).
     outputs : tuple of FrequencyResponse, length N
-        Orders Y_n = G_n U_n of the output, at level 1 and at all lines.
+        Orders Y_1, ..., Y_N of the output at level 1, at all lines, in the output's unit.
     inputs : tuple of InputSpectrum, length N
-        Spectra U_1, ..., U_N of the powers of the excitation at level 1.
+        Spectra U_1, ..., U_N at level 1.
     levels : ndarray, shape (n_levels,)
-        Levels that were fitted: factors of the excitation.
+        Levels that were fitted, dimensionless.
     lost_levels : ndarray, shape (n_lost,)
-        Levels at which the model diverges.
+        Levels that were left out because the model diverges.
     condition : float
-        Condition number of the fit with columns scaled to unit length.
+        Condition number of the least-squares problem, with columns scaled to unit length.
     residual : ndarray, shape (n_levels, N)
-        Part of the output's spectrum at each level that the first 1, 2, ..., N orders leave unexplained: root sum of
-        squares, relative to that of the spectrum.
+        Residual of the output's spectrum at each level after the first 1, 2, ..., N orders are subtracted: root sum of
+        squares over the lines, divided by that of the spectrum.
     left_out : ndarray, shape (n_fits,)
-        Leave-one-out error of fits of 1, 2, ... orders: rms error of the spectrum predicted at each level from the
-        others, relative to the spectrum. Infinite if there are too few levels.
+        Leave-one-out error of fits of 1, 2, ... orders: root sum of squares of the errors with which each level's
+        spectrum is predicted from the other levels, divided by that of all spectra. Infinite if there are too few
+        levels.
     truncation : tuple of ndarray, length N
-        Change of each G_n when two more orders are fitted, shape (n_values,) as G_n and in its unit. This change
-        estimates the error caused by orders that were not fitted. NaN if there are too few levels for the estimate.
+        Magnitude of the change of each G_n if two more orders are fitted, shape (n_values,), in the unit of G_n. It
+        estimates the error due to orders that were not fitted. NaN if there are too few levels.
     advisable_level : float
-        Factor by which to multiply the levels so that the truncation error of all orders up to ``order`` falls to about
-        1 % (root mean square over their lines, by extrapolation) and the model does not diverge; 1 if the present
-        levels already satisfy this, NaN if the truncation error is not known. At the ends of an order's range, where
-        U_n is small, the error of G_n may be larger: see ``truncation``.
+        Factor by which to reduce the levels so that the model does not diverge, and the truncation error of Y_1, ...,
+        Y_n is at most about 1 % of their rms, for the requested order n. 1 if no reduction is needed, NaN if the
+        truncation error is not known.
     status : NofrfStatus
-        Most serious problem found, if any.
+        Most serious problem that was found, or OK.
     """
 
     order: int
@@ -126,22 +130,22 @@ class Nofrf(Described, Frozen):
 
     @property
     def response(self) -> FrequencyResponse:
-        """Response G_n of the requested order n."""
+        """Response G_n of the requested order."""
         return self.orders[self.order - 1]
 
     @property
     def values(self) -> Complex:
-        """Values of that response, complex, shape (n_values,), in output unit per power of the input unit."""
+        """Values of `response`, complex, shape (n_values,), in output unit per n-th power of the input unit."""
         return self.response.values
 
     @property
     def omega(self) -> Array:
-        """Angular frequencies of the values, rad/s, shape (n_values,)."""
+        """Angular frequencies of `values`, rad/s, shape (n_values,)."""
         return self.response.omega
 
     @property
     def frequency_Hz(self) -> Array:
-        """Frequencies of the values, Hz, shape (n_values,)."""
+        """Frequencies of `values`, Hz, shape (n_values,)."""
         return self.response.frequency_Hz
 
     @property
@@ -150,7 +154,7 @@ class Nofrf(Described, Frozen):
         return len(self.orders)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot on `ax` or new axes the gain of the requested order, with its truncation error if visible."""
+        """Plot the gain of the requested order, with its truncation error if visible, on `ax` or new axes."""
         return self._draw(self.order, axes_or_new(ax))
 
     def plot_orders(self, axes: Sequence[Axes] | None = None) -> tuple[Axes, ...]:

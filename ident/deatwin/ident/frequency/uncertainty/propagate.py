@@ -41,7 +41,7 @@ _PROBES = 20190501  # seed of the probes, so that the same model always gives th
 
 
 class UncertaintyWarning(UserWarning):
-    """Warning that a propagated covariance does not describe the response; the text is the advice with its figures."""
+    """Issued if a propagated covariance does not describe the response; the text gives the nonlinearity and advice."""
 
 
 class UncertaintyStatus(Enum):
@@ -77,23 +77,22 @@ class UncertaintyStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Propagated(Uncertain):
-    """Frequency response with the first-order uncertainty that its parameters cause.
+    """Frequency response with its uncertainty, propagated to first order from the model's parameters.
 
     Parameters
     ----------
     response : FrequencyResponse
-        Frequency response at the model's own parameters.
+        Frequency response at the estimated parameters.
     level : float
         Default probability of confidence regions and bands.
     dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     nonlinearity : ndarray, shape (n,)
-        Departure of the response from its tangent over the uncertainty of the parameters: root mean square of the
-        departure relative to the root mean square along the tangent, both as Mahalanobis distances in the covariance
-        ellipse. Dimensionless; see `propagate`.
+        Nonlinearity of the response over the uncertainty of the parameters, at each frequency; dimensionless. It is the
+        rms difference between the response and its linearisation, divided by the rms change of the linearisation. Both
+        are measured as Mahalanobis distances in the covariance ellipse.
     lost : float
-        Share of the parameter draws of `propagate` that have no equilibrium, or whose stability differs from the
-        model's.
+        Share of the parameter draws of `propagate` for which the model has no equilibrium or a different stability.
     """
 
     nonlinearity: Array = field(metadata=variable("point"))
@@ -120,29 +119,27 @@ class Propagated(Uncertain):
 
     @property
     def gain_phase_covariance(self) -> Array:
-        """Covariance of gain (in ``unit``) and phase (rad), shape (n, 2, 2); valid only where both linear laws hold."""
+        """First-order covariance of gain (in ``unit``) and phase (rad), shape (n, 2, 2)."""
         return self._polar.covariance
 
     @property
     def linear_law(self) -> NDArray[np.bool_]:
-        """True where the ellipse describes real and imaginary part, shape (n,)."""
+        """True where `nonlinearity` is at most 0.25, so that the covariance ellipse is valid, shape (n,)."""
         return np.asarray(self.nonlinearity <= LIMIT)
 
     @property
     def gain_nonlinearity(self) -> Array:
-        """Nonlinearity index of the gain, shape (n,): the index of the response plus an index for the step from
-        response to gain."""
+        """Nonlinearity of the gain, shape (n,): `nonlinearity`, plus that of the step from response to gain."""
         return np.asarray(self.nonlinearity + self._polar.gain_index)
 
     @property
     def phase_nonlinearity(self) -> Array:
-        """Nonlinearity index of the phase, shape (n,): the index of the response plus an index for the step from
-        response to phase."""
+        """Nonlinearity of the phase, shape (n,): `nonlinearity`, plus that of the step from response to phase."""
         return np.asarray(self.nonlinearity + self._polar.phase_index)
 
     @property
     def status(self) -> UncertaintyStatus:
-        """Validity of the law of propagation."""
+        """Validity of the first-order propagation."""
         if not np.any(self.response.theta_cov):
             return UncertaintyStatus.CERTAIN
         if self.lost > 0:
@@ -155,7 +152,7 @@ class Propagated(Uncertain):
 
     @property
     def advice(self) -> str:
-        """Advice of the status, with the largest index and the frequencies at which linear propagation fails."""
+        """Text of the status, with the largest nonlinearity and the number of frequencies at which it is too large."""
         low_gain = self.status is UncertaintyStatus.LOW_GAIN
         index = np.maximum(self.gain_nonlinearity, self.phase_nonlinearity) if low_gain else self.nonlinearity
         failing = int(np.sum(~(index <= LIMIT)))
@@ -169,9 +166,8 @@ class Propagated(Uncertain):
     def gain_band(self, level: float | None = None) -> Band:
         """Return a pointwise band of the gain, in ``unit``, of probability `level`, by default ``self.level``.
 
-        If the linear law of the gain fails, the band is the range of the gain over the ellipse of this probability,
-        which contains the true gain whenever the ellipse contains the true response. (Quantiles of the gain of draws
-        may miss the true gain: draws about a value near zero have a larger gain than that value.)
+        Where `gain_nonlinearity` exceeds 0.25, the band is the range of the gain over the confidence ellipse of the
+        response.
         """
         level = self.level if level is None else level
         holds = self.gain_nonlinearity <= LIMIT
@@ -189,8 +185,8 @@ class Propagated(Uncertain):
     def phase_band(self, level: float | None = None) -> Band:
         """Return a pointwise band of the phase in degrees, of probability `level`, by default ``self.level``.
 
-        If the linear law of the phase fails, the band is the range of the phase over the ellipse; if the ellipse
-        contains 0 the phase is undefined, and the limits are NaN.
+        Where `phase_nonlinearity` exceeds 0.25, the band is the range of the phase over the confidence ellipse of the
+        response. If the ellipse contains 0, the phase is undefined and the limits are NaN.
         """
         level = self.level if level is None else level
         holds = self.phase_nonlinearity <= LIMIT
@@ -210,31 +206,32 @@ def propagate(model: NarxModel, quantity: Quantity, *, level: float = 0.95) -> P
 
     The covariance of real and imaginary part is J theta_cov J', where J is the exact derivative of both parts with
     respect to the parameters, including the shift of the equilibrium. This covariance is exact if the response is
-    linear in the parameters. The nonlinearity v is the root mean square of the departure of the response from its
-    tangent, relative to the root mean square along the tangent, both in units of the covariance ellipse. It is computed
-    from 32 draws of the parameters from the posterior and their mirror images about the mean. The relative error of the
-    covariance is at most about 2v + v², and v² if the departure is of second order (a quadratic form in normal
-    parameters is not correlated with a linear form). The covariance is accepted up to v = 0.25.
+    linear in the parameters.
+
+    The nonlinearity v measures how far this fails. It is the rms difference between the response and its linearisation,
+    divided by the rms change of the linearisation, both as Mahalanobis distances in the covariance ellipse. It is
+    computed from 32 draws of the parameters and their mirror images about the mean. The relative error of the
+    covariance is at most about 2v + v². The covariance is accepted up to v = 0.25.
 
     Parameters
     ----------
     model : NarxModel
         Model with the covariance ``theta_cov`` of its parameters.
     quantity : callable
-        Function from a model to a FrequencyResponse: ``partial(gfrf, order=2, omega=omega)``, or
-        ``lambda m: output_orders(m, excitation, 3)[1]``.
+        Function that takes a model and returns a FrequencyResponse, for example ``partial(gfrf, order=2, omega=omega)``
+        or ``lambda m: output_orders(m, excitation, 3)[1]``.
     level : float
         Default probability of confidence regions and bands.
 
     Returns
     -------
     Propagated
-        Response with its covariance, a ``status`` and an ``advice``.
+        Response with its covariance, nonlinearity, status and advice.
 
     Warns
     -----
     UncertaintyWarning
-        If ellipses do not describe the response; the text gives the nonlinearity.
+        If the covariance does not describe the response.
 
     Raises
     ------
