@@ -112,13 +112,13 @@ def check(
         Least and largest command, in its unit; the range of the training data by default.
     recording : Recording, optional
         Recording from which the model was identified. The excited band and the size of the free-run residual are
-        computed from the recording. Without it, they are read from ``model.provenance``. What depends on an unknown
-        band or residual is not judged.
+        computed from the recording. Without a recording, both are read from ``model.provenance``. If the band is
+        unknown, the verdict is at best marginal. If the residual is unknown, the model's prediction is not judged.
     specification : Specification, optional
         Requirements on the closed loop; the margins recommended by textbooks by default.
     others : mapping of str to Plant or CalibratedPlant, optional
         Further plants, by name, such as alternative explanations from a diagnosis or other actuators of a fleet. The
-        controller is judged on them as on `plant`, but only with their nominal parameters.
+        controller's margins and simulated runs are judged on these plants, too, with their nominal parameters.
     trajectory : ThetaTrajectory, optional
         Trajectory of the parameters of a time-varying model; margins are then judged along the trajectory, too.
     samples : int

@@ -187,7 +187,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
 
     @property
     def reason(self) -> str:
-        """Texts of all findings with this verdict; if the verdict is `pass`, one text that all requirements are met."""
+        """Texts of the findings that are as severe as the verdict; for `pass`, that all requirements are met."""
         if self.verdict is Verdict.PASS:
             tuned = "controller" if self.controller is None else f"{self.controller.name} controller"
             return f"the {tuned} meets all requirements{self._where}"

@@ -66,14 +66,14 @@ class OperatingPoint:
 
 @dataclass(frozen=True, kw_only=True)
 class MarginRow:
-    """Margins of one loop. A margin is infinite if no change makes the loop unstable, and 0 if the loop is unstable.
+    """Margins of one loop. A margin is 0 if the loop is unstable, and infinite if no change makes the loop unstable.
 
     Parameters
     ----------
     source : str
-        Linearised system in the loop: ``model``, ``plant``, or the name of another plant. In a row of ``model,
-        linearised``, limits follow from the parameters' covariance to first order (`band_margins`) instead of draws. In
-        a row ending with ``in large motions``, the plant is linearised without its friction.
+        Linearised system in the loop: ``model``, ``plant``, or the name of another plant. In the row ``model,
+        linearised``, the lower limits follow from the parameters' covariance to first order (`band_margins`) instead of
+        draws. In rows that end with ``in large motions``, the plant is linearised without friction and hysteresis.
     operating_input : float
         Constant input at the operating point, in the input's unit.
     time : float or None

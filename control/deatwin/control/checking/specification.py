@@ -123,8 +123,8 @@ class Specification:
     delay_samples : Limit
         Delay margin, samples: a command that comes one sample late must not make the loop unstable.
     disk : Limit
-        Symmetric disk margin. Values of 2/3 and 0.4 imply gain margins of 2 and 1.5, and also tolerate simultaneous
-        changes of gain and phase.
+        Symmetric disk margin, which covers simultaneous changes of gain and phase. Disk margins of 2/3 and 0.4 imply
+        gain margins of 2 and 1.5.
     stable_share : Limit
         Share of the draws from the posterior for which the closed loop is stable.
     overshoot : Limit
@@ -143,8 +143,8 @@ class Specification:
     diverged : Limit
         Share of the draws from the model's posterior whose simulated closed loop diverges.
     width : Limit
-        Half width of the predicted band of the output, divided by the height of the step. A band wider than this is
-        marginal, because nearly every run would lie inside it.
+        Half width of the predicted band of the output, divided by the height of the step. If the band is too wide, the
+        verdict is marginal, because nearly every run would lie inside the band.
     inside : Limit
         Share of the samples of a simulated run that lie inside the band that the model predicts.
     limit_cycle : Limit

@@ -40,7 +40,7 @@ class Controller(ABC):
         Least and largest command, in its unit.
     closed_loop_time : float
         Time constant for which the closed loop was designed, s. `check` derives its references and the length of its
-        runs from this time; the command does not depend on it, except in a `ScheduledController`.
+        runs from this time. Only in a `ScheduledController` does the command depend on this time.
 
     Raises
     ------

@@ -93,7 +93,7 @@ class Law:
         return Law(a=self.a, b=self.b, c=factor * self.c, d=factor * self.d)
 
     def with_feedback(self, factor: float) -> Law:
-        """Return the law with its gain on the error multiplied by `factor`; A, C and the feedforward do not change."""
+        """Return the law with its gain on the error multiplied by `factor`; its feedforward does not change."""
         b, d = np.array(self.b), np.array(self.d)
         for column in (b.T, d):
             column[REFERENCE] += (1.0 - factor) * column[READING]
@@ -129,7 +129,7 @@ class Law:
         Returns
         -------
         float
-            Largest relative difference at frequencies from 1e-4 times to once half the sampling rate.
+            Largest relative difference at frequencies from 0.0001 to 1 times half the sampling rate.
         """
         angles = np.geomspace(1e-4, 1.0, 25) * np.pi
         z = np.exp(1j * angles)[:, None, None]

@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 class LinearController(Controller):
     """Linear controller ``v = u_0 + C x + D w``, ``u = v`` within the limits, ``x(k+1) = A x + B w + L (u - v)``.
 
-    w = (reference, reading) holds deviations from the operating output, x is the state, v the command before and u the
-    command after it is limited, and u_0 the operating input. At a limit the term L (u - v) lets the states follow u
-    (back-calculation).
+    w = (reference, reading) are deviations from the operating output. x is the state, v the wanted command, u the
+    applied command, and u_0 the operating input. At a limit, the term L (u - v) makes the state follow the applied
+    command (back-calculation).
 
     Parameters
     ----------

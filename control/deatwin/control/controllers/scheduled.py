@@ -26,7 +26,7 @@ class ScheduledController(Controller):
 
     The smoothed command s is the command u after a first-order lag with the closed-loop time T:
     ``s(k+1) = s(k) + (h/T) (u(k) - s(k))``, where h is the sampling time. Without smoothing, the command could jump
-    from limit to limit if the gains differ much.
+    from limit to limit if the gains of the laws differ much.
 
     All laws have the same state of rest: while reading and reference are equal and constant, the same state gives the
     same command in each law. The interpolation therefore does not change the command at rest.

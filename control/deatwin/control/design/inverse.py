@@ -136,7 +136,7 @@ def with_inverse(
         Function that designs the feedback, called as ``design(linear, command_limits=(low, high))``. An example is
         ``partial(lambda_tuning, closed_loop_time=0.5)``.
     command_limits : (float, float)
-        Least and largest command, in its unit. The limits of the controller also lie within the range of the curve.
+        Least and largest command, in its unit. If the curve covers a smaller range, the limits are those of the curve.
 
     Returns
     -------

@@ -74,7 +74,7 @@ def lambda_tuning(
     :math:`K_i = 1/(K(\lambda + \theta))` and the proportional gain :math:`K_p = T K_i`.
 
     - :math:`\theta` includes half a sample for the zero-order hold.
-    - K is the largest gain of the model between 0 Hz and the crossover, which may exceed the static gain.
+    - K is the largest gain of the model at any frequency from 0 Hz to the crossover.
     - If T is shorter than :math:`\lambda`, the controller is purely integral, with
       :math:`K_i = 1/(K(\lambda + \theta + T))`. A proportional part would raise the loop gain at high frequencies,
       where the actuator may have a lightly damped mode that the model lacks.

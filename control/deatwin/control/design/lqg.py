@@ -67,12 +67,13 @@ def lqg(
     r"""Design a sampled LQG controller with integral action.
 
     The regulator minimises :math:`\sum (y - r)^2 + \rho \, (\Delta u)^2` for the reading y, the reference r and the
-    change :math:`\Delta u` of the command from sample to sample. The weight :math:`\rho` is chosen so that, after a
-    reference step, the reading reaches 63 % of the step at the model's delay plus one closed-loop time. The observer is
-    the stationary Kalman filter of the model for three disturbances: white noise on the reading, a random walk of the
-    output (drift), and white noise on the command. The standard deviation of the noise on the command, times the static
-    gain, equals that of one step of the random walk. Because the observer estimates the drift, the loop has no error at
-    rest.
+    change :math:`\Delta u` of the command from sample to sample. The weight :math:`\rho` is chosen so that the reading
+    has reached 63 % of a reference step when one closed-loop time plus the model's delay has passed.
+
+    The observer is the stationary Kalman filter of the model for three disturbances: white noise on the reading, a
+    random walk of the output (drift), and white noise on the command. The noise on the command, times the static gain,
+    has the standard deviation of one step of the random walk. Because the observer estimates the drift, the loop has no
+    error at rest.
 
     Parameters
     ----------
@@ -84,8 +85,8 @@ def lqg(
         Closed-loop time constant, s. The default is computed as in `lambda_tuning`, from the lag and delay of the
         model, the sampling time and `band_Hz`.
     noise : float
-        Standard deviation of the reading's noise, in the output's unit. Only its ratio to `drift` matters; if `drift`
-        is omitted, `noise` has no influence.
+        Standard deviation of the reading's noise, in the output's unit. Only the ratio of `noise` to `drift` matters.
+        If `drift` is omitted, `noise` has no influence.
     drift : float, optional
         Standard deviation of the change of the random walk in one second, in the output's unit. By default the value
         with which the observer averages over half the closed-loop time.
@@ -104,7 +105,7 @@ def lqg(
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If an argument is invalid, if the model responds to a command in the same sample, if the closed-loop time cannot
-        be reached (the text gives one that can), or if it is so long that the controller loses its digits to rounding.
+        be reached (the text gives one that can), or if it is so long that rounding errors spoil the controller.
 
     References
     ----------

@@ -58,7 +58,7 @@ class PidGains:
 
     @classmethod
     def of_law(cls, law: Law, sample_time: float) -> PidGains | None:
-        """Return the gains of a `law` from `PidGains.law`, also if scaled; None for others. `sample_time` in s."""
+        """Return the gains of a `law` from `PidGains.law`, None for any other law. `sample_time` in s."""
         if law.c.size not in (1, 2) or law.a[0, 0] != 1.0 or not law.c[0]:
             return None
         step = float(law.b[0, REFERENCE] * law.c[0])
@@ -135,7 +135,7 @@ def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loo
     Parameters
     ----------
     linear : LinearModel
-        Model on which the controller was designed.
+        Model of the actuator for which the gains were designed.
     gains : PidGains
         Gains of the controller.
     command_limits : (float, float)

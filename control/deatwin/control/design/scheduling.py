@@ -32,8 +32,8 @@ def scheduled(
     command_limits : (float, float)
         Least and largest command, in its unit. A model's operating input may equal one of the limits.
     operating_input : float, optional
-        Operating input of the model about which the loop is closed. It must lie strictly between the limits. By default
-        that of the middle model.
+        Constant input about which the loop is closed. It must be the operating input of one of the models, strictly
+        between the limits; by default that of the middle model.
 
     Returns
     -------

@@ -135,9 +135,9 @@ def in_loop(system: NonlinearIOSystem, name: str | None = None) -> NonlinearIOSy
     Returns
     -------
     control.NonlinearIOSystem
-        System with the states of `system`, followed by one state for each delayed output, named ``last_`` and the
-        output's name. If `system` rests at ``x0`` under the input ``u0``, the delayed system rests at
-        ``numpy.append(x0, system.output(0.0, x0, u0))``.
+        System with the states of `system`, followed by one state for each delayed output. The name of such a state is
+        ``last_`` plus the name of the output. If `system` rests at ``x0`` under the input ``u0``, the delayed system
+        rests at ``numpy.append(x0, system.output(0.0, x0, u0))``.
 
     Raises
     ------

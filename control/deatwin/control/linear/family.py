@@ -242,13 +242,12 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     """Linearise a single-input, single-output model at many operating points and for many parameter samples at once.
 
     The equilibrium of each sample is found by following the equilibrium of the model in small steps, from the model's
-    parameters to those of the sample. If this branch of equilibria ends on the way, the sample counts as having none.
+    parameters to those of the sample. If this branch of equilibria ends on the way, the sample has no equilibrium.
 
     Parameters
     ----------
     model : NarxModel
-        Identified model. As with `linearise`, apply `LinearFamily.in_loop` to the result before a controller is
-        designed.
+        Identified model. Apply `LinearFamily.in_loop` to the result before you design a controller.
     operating_inputs : array_like, shape (n_points,)
         Constant inputs, in their unit.
     thetas : array_like, shape (n_samples, n_terms), optional
@@ -257,8 +256,8 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     Raises
     ------
     ModelError
-        If the model has several inputs; if there are no operating inputs, or one is not finite; or if the parameters
-        are not finite numbers, one for each term of the model.
+        If the model has several inputs or outputs, or if operating inputs or parameters are not finite numbers of the
+        stated shapes.
     """
     if len(model.input_names) != 1:
         raise ModelError(f"the model has {len(model.input_names)} inputs; a controller is designed for one")

@@ -96,8 +96,8 @@ class LinearModel(Described):
     input_name, output_name, input_unit, output_unit : str
         Names and units of the signals.
     realisation : Realisation, optional
-        State-space matrices. If they are given, poles, gain and responses are computed from them instead of the
-        coefficients, which have larger rounding errors, and the covariance must be zero.
+        State-space matrices. If they are given, poles, gain and responses are computed from the matrices, which have
+        smaller rounding errors than the coefficients. The covariance must then be zero.
 
     Raises
     ------

@@ -39,7 +39,7 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     Raises
     ------
     ModelError
-        If the model has several inputs or the operating input is not finite.
+        If the model has several inputs or outputs, or if the operating input is not finite.
 
     Examples
     --------

@@ -145,12 +145,12 @@ class ClosedLoop(Described):
 
     @property
     def steady_error(self) -> float:
-        """Mean error in the last third of a level, as a share of the smallest step; the largest of all levels."""
+        """Magnitude of the mean error in the last third of the worst level, as a share of the smallest step."""
         return self._late(lambda error: abs(float(error.mean())))
 
     @property
     def ripple(self) -> float:
-        """Standard deviation of the error instead of its mean, otherwise as for `steady_error`."""
+        """As `steady_error`, but for the standard deviation of the error instead of its mean."""
         return self._late(lambda error: float(error.std()))
 
     def _late(self, measure: Callable[[Array], float]) -> float:
@@ -224,7 +224,7 @@ def closed_loop(
     settle: float = 2.0,
     progress: Progress | None = None,
 ) -> ClosedLoop:
-    """Run a controller in closed loop with a plant, the physics model of the actuator.
+    """Simulate a controller in closed loop with a plant, the physics model of the actuator.
 
     The rig's start procedure brings the plant from rest to the operating input, at which the plant settles. Then, in
     each sample, the loop takes a reading, chooses a command, and holds the command for one sample. If the rig has a

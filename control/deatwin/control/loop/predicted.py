@@ -97,9 +97,9 @@ class PredictedLoop(Described):
     def half_width(self) -> Array:
         """Half width of the simultaneous 95 % band about `middle`, shape (n,), in the output's unit.
 
-        The half width is the standard deviation over the draws at each sample, times one factor for all samples. With
-        this factor, 95 % of the draws lie inside the band at all samples. To compute it, each draw is compared with the
-        mean and standard deviation of the other draws.
+        The half width is the standard deviation over the draws at each sample, times a factor that is the same for all
+        samples. The factor is such that 95 % of the draws lie inside the band at all samples, if each draw is compared
+        with the mean and standard deviation of the other draws.
         """
         count = len(self.outputs)
         square = (self.outputs - self.middle) ** 2
@@ -221,7 +221,7 @@ def predict_loop(
         If an argument has the wrong type, or the reference is not a one-dimensional array of finite numbers.
     ModelError
         If the model has no equilibrium at the controller's operating input. Also if readings are taken at the start of
-        the hold, but the model's output depends on the command of the same sample.
+        the hold although the model's output depends on the command of the same sample.
     """
     wanted = np.asarray(reference, dtype=np.float64)
     rest = equilibrium(model, controller.operating_input).output

@@ -34,9 +34,9 @@ _PIECE = 20_000  # Number of samples held in memory at a time
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SineResponse:
-    """Response ``G(A, w)`` to a sinusoidal command: fundamental of the reading divided by that of the command.
+    """Response ``G(A, w)`` to a sinusoidal command of the amplitude A and the angular frequency w.
 
-    A is the amplitude of the command and w its angular frequency.
+    G is the complex amplitude of the reading's fundamental divided by that of the command.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def sine_response(
     Returns
     -------
     SineResponse or None
-        Response at all amplitudes below the first one at which the simulation fails. None if there are fewer than two.
+        Response at all amplitudes below the first one at which the simulation fails; None if fewer than two remain.
 
     Raises
     ------

@@ -54,8 +54,8 @@ class UncertainMargin:
         logarithm of the margin. 0 if the margin is infinite.
     low : float
         Lower confidence limit of the margin, to first order. At a level of 95 %, the margin exceeds this limit with a
-        probability of 97.5 %. If the loop has several crossings, the smallest of their limits. The limit is never below
-        the margin at the edge of stability, which is 1 for the gain margin and 0 for the others.
+        probability of 97.5 %. If the loop has several crossings, this is the smallest of their limits. The limit is
+        never below the margin at the edge of stability, which is 1 for the gain margin and 0 for the others.
     """
 
     value: float = field(metadata=variable(about="margin of the model itself"))
@@ -192,7 +192,7 @@ def band_margins(
         Coefficients of z^0, z^-1, ... of the controller (`Law.feedback`), input unit per output unit. They count as
         exact.
     level : float
-        Probability of the band, between 0 and 1.
+        Confidence level of the band and (two-sided) of the limits of the margins, between 0 and 1.
 
     Raises
     ------

@@ -30,12 +30,12 @@ _SAME = 1e-6  # Relative difference of amplitudes and frequencies below which tw
 
 @dataclass(frozen=True, kw_only=True)
 class LimitCycle:
-    """A predicted limit cycle of the loop.
+    """A predicted limit cycle of a loop.
 
     Parameters
     ----------
     amplitude : float
-        Amplitude of the sine at the input of the nonlinearity, in that input's unit.
+        Amplitude of the oscillation at the input of the nonlinearity, in the unit of this input.
     frequency_Hz : float
         Frequency, Hz.
     stable : bool
@@ -157,7 +157,7 @@ def limit_cycles(
     Parameters
     ----------
     loop_numerator, loop_denominator : array_like, shapes (n_b,) and (n_a,)
-        Coefficients of z^0, z^-1, ... of the linear part of the loop; its product with N is dimensionless.
+        Coefficients of z^0, z^-1, ... of L, the linear part of the loop. The product N L is dimensionless.
     sample_time : float
         Sampling time h, s.
     describing_function : callable

@@ -22,7 +22,7 @@ _POLE = 1e3  # Gain above which a loop whose denominator is rounding has a pole
 class Margins:
     """Margins of one or several loops L, as `margins` returns them; all margins are 0 if the closed loop is unstable.
 
-    Each array has one entry for each loop.
+    Each array has the shape (...) of the loops that were given to `margins`, with one entry for each loop.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Margins:
         sensitivity T. The loop stays stable if L is multiplied by any complex factor (1 + d/2)/(1 - d/2) with |d| <
         alpha. Infinite for L = 1 only.
     modulus : ndarray, shape (...)
-        1/max|S|, least distance of the locus of the loop L from -1, dimensionless.
+        1/max|S|, the least distance of the Nyquist curve of L from -1, dimensionless.
     stable : ndarray of bool, shape (...)
         True if all closed-loop poles lie inside the unit circle.
     """
@@ -78,8 +78,8 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
     Parameters
     ----------
     numerators, denominators : array_like, shapes (..., n_b) and (..., n_a)
-        Coefficients of z^0, z^-1, ... of dimensionless loops. The leading axes count loops, and broadcast against each
-        other.
+        Coefficients of z^0, z^-1, ... of one dimensionless loop, or of several along leading axes, which broadcast
+        against each other.
     sample_time : float
         Sampling time, s.
 

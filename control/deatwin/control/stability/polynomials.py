@@ -19,14 +19,15 @@ grows there."""
 
 @taking(first=polynomials, second=polynomials)
 def in_series(first: ArrayLike, second: ArrayLike) -> Array:
-    """Multiply the polynomials of two systems in series, for example numerators of a model and of a controller.
+    """Multiply the polynomials of two systems in series, for example the numerators of a model and a controller.
 
-    The products are the numerators and denominators that `margins` needs. Either argument may hold several polynomials.
+    The products are the numerators and denominators that `margins` needs.
 
     Parameters
     ----------
     first, second : array_like, shapes (..., n) and (..., m)
-        Coefficients of z^0, z^-1, .... The leading axes count polynomials, and broadcast against each other.
+        Coefficients of z^0, z^-1, ... of one polynomial, or of several along leading axes, which broadcast against each
+        other.
 
     Returns
     -------

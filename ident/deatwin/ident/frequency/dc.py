@@ -195,7 +195,7 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
 
     The polynomial is expanded about the equilibrium: parameters change, terms of lower degree appear, and the constant
     term vanishes. (Merely deleting the constant term of a nonlinear model gives a different system.) The free run of
-    the new model, plus ybar, equals the free run of the original model. The covariance of the parameters is propagated
+    the new model, plus ybar, equals that of the original model. The covariance of the parameters is propagated
     to first order, including the shift of the equilibrium.
 
     Parameters

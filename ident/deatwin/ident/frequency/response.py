@@ -64,7 +64,7 @@ class Band(Frozen):
     level : float
         Coverage probability at each frequency.
     low, high : ndarray, shape (n,)
-        Lower and upper limits, in the response's unit.
+        Lower and upper limits of the gain, in the response's unit.
     linear_law : ndarray of bool, shape (n,)
         True where the gain is so large, compared with its uncertainty, that first-order propagation holds.
     """
@@ -93,15 +93,15 @@ class Pointwise(Frozen):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyResponse(Described, Frozen):
-    """Frequency response or output spectrum of order n at an operating point, with the uncertainty of the parameters.
+    """Frequency response or output spectrum of order n at an operating point, with its uncertainty.
 
-    The response is one of three: H_n, a generalised frequency response (`gfrf`); G_n, a nonlinear output frequency
-    response (`nofrf`); or Y_n, the n-th order of the output's spectrum (`output_orders`).
+    H_n is a generalised frequency response (`gfrf`), G_n a nonlinear output frequency response (`nofrf`), and Y_n the
+    n-th order of the output's spectrum (`output_orders`). The uncertainty is that of the model's parameters.
 
     Parameters
     ----------
     symbol : str
-        "H", "G" or "Y".
+        Symbol of the response: "H", "G" or "Y".
     order : int
         Order n; 0 for the sum of all orders.
     values : ndarray of complex, shape (n_values,)
@@ -109,7 +109,7 @@ class FrequencyResponse(Described, Frozen):
     omega : ndarray, shape (n_values,), or (n_values, order) for H_n of order 2 and more
         Angular frequencies, rad/s.
     point : Equilibrium
-        Operating point.
+        Operating point at which the model was expanded.
     status : FrequencyStatus
         Status, which states whether the operating point is stable.
     unit : str
@@ -123,7 +123,7 @@ class FrequencyResponse(Described, Frozen):
         Function that takes draws of the parameters, shape (n_draws, n_terms). For each draw it returns the values, and
         whether the equilibrium exists and is stable. Without this function, the model is analysed anew for each draw.
     theta_dof : float
-        Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
+        Degrees of freedom of the parameters' Student-t distribution; infinite for a normal distribution.
     inputs : tuple of str
         Names of n inputs; empty for a model of one input. H_n has one name for each frequency. For G_n and Y_n, the
         names are the factors of the product of inputs to which the response belongs.
@@ -196,7 +196,7 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def phase_deg(self) -> Array:
-        """Phase, degrees, shape (n_values,); unwrapped along the frequencies if each value has a single frequency."""
+        """Phase, degrees, shape (n_values,); unwrapped if the response depends on one frequency only."""
         phase = np.angle(self.values)
         if self.omega.ndim == 1:
             known = np.isfinite(phase)

@@ -54,7 +54,8 @@ class Difference:
     from_Hz, to_Hz : float
         Edges of the band of output frequencies, Hz.
     test : Equality
-        Test of the hypothesis that both responses have the same mean over the band.
+        Test of the hypothesis that the means of both responses over the band differ by no more than ``least`` of the
+        gain (see `compare`; 0 by default).
     adjusted : float
         The p-value of the test, corrected for the number of tests.
     size : float
@@ -81,7 +82,7 @@ class Difference:
 
     @property
     def differs(self) -> bool:
-        """True if the means over the band differ significantly, whether drift may be the cause or not."""
+        """True if the means over the band differ significantly; a drift may still be the cause."""
         return not self.agreement.ok
 
     @property
@@ -216,7 +217,7 @@ def compare(
     least: float = 0.0,
     names: tuple[str, str] = ("first", "second"),
 ) -> Comparison:
-    """Test in which orders of the frequency response, and in which bands, two independent models differ.
+    """Test in which orders and frequency bands the frequency responses of two independent models differ.
 
     For each order n and band, the test compares the complex means of the generalised frequency response H_n over the
     band. The covariances of these means follow from the covariances of the models' parameters.

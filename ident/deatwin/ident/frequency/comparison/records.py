@@ -77,8 +77,8 @@ def compare_records(
     `compare`, with a covariance estimated from the scatter between blocks of each recording.
 
     If the two mean responses of a pair differ, the responses at all times of one recording are compared with those at
-    all times of the other. If no two of them agree, the actuators differ; otherwise drift may be the cause. The
-    response of a recording without significant drift is taken as constant.
+    all times of the other. If no two of these responses agree, the actuators differ; otherwise drift may be the cause.
+    A recording without significant drift is assumed to have a constant response.
 
     Parameters
     ----------

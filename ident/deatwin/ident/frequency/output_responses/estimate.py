@@ -72,7 +72,7 @@ def nofrf(
     Warns
     -----
     NofrfWarning
-        If the status is not OK.
+        If the status of the result is not OK, for example because the excitation is too large.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def nofrf_exact(
     Warns
     -----
     NofrfWarning
-        If contributions to U_n cancel at some lines, where G_n is then erratic (`InputSpectrum.suitable`).
+        If contributions to U_n cancel at some lines, so that G_n is erratic there (`InputSpectrum.suitable`).
 
     Raises
     ------

@@ -56,7 +56,7 @@ class InputSpectrum(Described, Frozen):
     in_range : ndarray of bool, shape (n_lines,)
         True for lines that are sums of n lines of the input.
     omega : ndarray, shape (n_lines,)
-        Angular frequencies, rad/s.
+        Angular frequencies of the lines, rad/s.
     unit : str
         Unit of the values.
     """
@@ -80,7 +80,7 @@ class InputSpectrum(Described, Frozen):
 
     @property
     def defined(self) -> Flags:
-        """True where G_n exists, shape (n_lines,): at lines in range at which U_n exceeds rounding errors."""
+        """True where G_n exists, shape (n_lines,): at lines of `in_range` at which U_n exceeds rounding errors."""
         return np.asarray(self.in_range & (np.abs(self.values) > _CANCELLED * self.in_phase.max()), dtype=np.bool_)
 
     @property
@@ -105,7 +105,7 @@ class InputSpectrum(Described, Frozen):
         return self.largest_amplification <= AMPLIFICATION
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the magnitude and `in_phase` over frequency, on `ax` or new axes."""
+        """Plot the magnitude of U_n and `in_phase` over frequency, on `ax` or new axes."""
         axes = axes_or_new(ax)
         inside = self.in_range
         frequencies = self.frequency_Hz[inside]

@@ -30,7 +30,7 @@ def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None
     order : int
         Order n, at least 1.
     sample_time : float, optional
-        Sampling time, s; by default there is no aliasing.
+        Sampling time, s. By default the signals are continuous, without aliasing.
 
     Returns
     -------

@@ -158,7 +158,7 @@ class Nofrf(Described, Frozen):
         return self._draw(self.order, axes_or_new(ax))
 
     def plot_orders(self, axes: Sequence[Axes] | None = None) -> tuple[Axes, ...]:
-        """Plot the gains of G_1 up to the requested order, one on each of `axes` or of new axes."""
+        """Plot the gain of each response up to the requested order on its own axes, `axes` or new ones."""
         if axes is None:
             from matplotlib import pyplot
 

@@ -71,7 +71,7 @@ class UncertaintyStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """True if the law holds for real and imaginary part, gain and phase at all frequencies."""
+        """True if first-order propagation is valid for real part, imaginary part, gain and phase at all frequencies."""
         return self is UncertaintyStatus.OK
 
 
@@ -86,13 +86,14 @@ class Propagated(Uncertain):
     level : float
         Default probability of confidence regions and bands.
     dof : float
-        Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
+        Degrees of freedom of the parameters' Student-t distribution; infinite for a normal distribution.
     nonlinearity : ndarray, shape (n,)
         Nonlinearity of the response over the uncertainty of the parameters, at each frequency; dimensionless. It is the
         rms difference between the response and its linearisation, divided by the rms change of the linearisation. Both
-        are measured as Mahalanobis distances in the covariance ellipse.
+        are measured as Mahalanobis distances with respect to the covariance.
     lost : float
-        Share of the parameter draws of `propagate` for which the model has no equilibrium or a different stability.
+        Share of the parameter draws of `propagate` with which the model has no equilibrium, or is unstable although it
+        is stable with the estimated parameters (or conversely).
     """
 
     nonlinearity: Array = field(metadata=variable("point"))
@@ -208,10 +209,10 @@ def propagate(model: NarxModel, quantity: Quantity, *, level: float = 0.95) -> P
     respect to the parameters, including the shift of the equilibrium. This covariance is exact if the response is
     linear in the parameters.
 
-    The nonlinearity v measures how far this fails. It is the rms difference between the response and its linearisation,
-    divided by the rms change of the linearisation, both as Mahalanobis distances in the covariance ellipse. It is
-    computed from 32 draws of the parameters and their mirror images about the mean. The relative error of the
-    covariance is at most about 2v + v². The covariance is accepted up to v = 0.25.
+    The nonlinearity v is the rms difference between the response and its linearisation, divided by the rms change of
+    the linearisation. Both are measured as Mahalanobis distances with respect to the covariance, over 32 draws of the
+    parameters and their mirror images about the mean. The relative error of the covariance is at most about 2v + v².
+    The covariance is accepted up to v = 0.25.
 
     Parameters
     ----------
@@ -221,7 +222,7 @@ def propagate(model: NarxModel, quantity: Quantity, *, level: float = 0.95) -> P
         Function that takes a model and returns a FrequencyResponse, for example ``partial(gfrf, order=2, omega=omega)``
         or ``lambda m: output_orders(m, excitation, 3)[1]``.
     level : float
-        Default probability of confidence regions and bands.
+        Default probability of the confidence regions and bands of the result.
 
     Returns
     -------
@@ -236,8 +237,8 @@ def propagate(model: NarxModel, quantity: Quantity, *, level: float = 0.95) -> P
     Raises
     ------
     ModelError
-        If the level is not between 0 and 1, the covariance of the parameters is invalid, or the quantity is not a
-        FrequencyResponse.
+        If the level is not between 0 and 1, if the covariance of the parameters is invalid, or if `quantity` does not
+        return a FrequencyResponse.
 
     References
     ----------
