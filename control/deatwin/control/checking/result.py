@@ -134,7 +134,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
         Margins with one row for each system (the model, the plant and each other plant) and operating point. For a
         time-varying model there is also one row for each time.
     excited_band_Hz : float or None
-        Upper end of the band that the recording excited, Hz; None if it is not known.
+        Upper end of the frequency band that the model's recording excited, Hz; None if unknown.
     steps, sine : ClosedLoop or None
         Simulated closed-loop runs on the plant, with a step reference and with a sine reference.
     others : mapping of str to ClosedLoop

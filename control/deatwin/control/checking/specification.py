@@ -131,11 +131,11 @@ class Specification:
         Overshoot of a step, as a share of the step. The defaults are approximately the overshoots at phase margins of
         45 and 30 degrees in a second-order loop (Åström & Murray, sections 6.3 and 9.3).
     steady_error : Limit
-        Mean error in the last third of a level of a step reference, as a share of the step; integral action brings the
-        error to zero.
+        Mean error in the last third of each constant stretch of a step reference, as a share of the step. Integral
+        action brings this error to zero.
     ripple : Limit
-        Standard deviation of the error in the last third of a level, as a share of the step. Ringing or a limit cycle
-        makes it large.
+        Standard deviation of the error in the last third of each constant stretch, as a share of the step. It is large
+        if the loop rings or has a limit cycle.
     saturated : Limit
         Share of samples whose command is at a limit.
     tracking : Limit

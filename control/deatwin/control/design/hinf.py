@@ -109,7 +109,7 @@ def hinf(
     Returns
     -------
     LinearController
-        Controller with the sampling time of the model, which acts on the error alone. Its closed-loop time is the
+        Controller that acts on the error alone, with the sampling time of the model. Its closed-loop time is the
         inverse of the bandwidth in rad/s.
 
     Raises

@@ -89,7 +89,8 @@ def lambda_tuning(
         Closed-loop time constant :math:`\lambda`, s. By default the largest of T, :math:`3\theta`, ten samples and, if
         `band_Hz` is given, the time constant for a crossover at half of `band_Hz`.
     band_Hz : float, optional
-        Upper end of the band that the recording excited, Hz.
+        Upper end of the frequency band that the model's recording excited, Hz. It affects only the default of
+        `closed_loop_time`.
 
     Returns
     -------
@@ -154,7 +155,8 @@ def lambda_tuning_pid(
         Closed-loop time constant :math:`\lambda`, s. By default the largest of :math:`T_2`, :math:`3\theta`, ten
         samples and, if `band_Hz` is given, the time constant for a crossover at half of `band_Hz`.
     band_Hz : float, optional
-        Upper end of the band that the recording excited, Hz.
+        Upper end of the frequency band that the model's recording excited, Hz. It affects only the default of
+        `closed_loop_time`.
 
     Returns
     -------

@@ -91,13 +91,14 @@ def lqg(
         Standard deviation of the change of the random walk in one second, in the output's unit. By default the value
         with which the observer averages over half the closed-loop time.
     band_Hz : float, optional
-        Upper end of the band that the recording excited, Hz.
+        Upper end of the frequency band that the model's recording excited, Hz. It affects only the default of
+        `closed_loop_time`.
 
     Returns
     -------
     LinearController
-        Controller with the sampling time of the model and two degrees of freedom. The observer uses the command after
-        it is limited.
+        Controller with the sampling time of the model and two degrees of freedom. The observer uses the limited
+        command.
 
     Raises
     ------

@@ -28,7 +28,8 @@ def scheduled(
         Two or more models at different operating inputs, with the delay of the loop (`LinearModel.in_loop`).
     design : callable
         Function that designs a controller, called as ``design(linear, command_limits=(low, high))``. An example is
-        ``partial(lambda_tuning, closed_loop_time=0.5)``. The controllers must all be PI or all PID controllers.
+        ``partial(lambda_tuning, closed_loop_time=0.5)``. It must return PI controllers for all models, or PID
+        controllers for all models.
     command_limits : (float, float)
         Least and largest command, in its unit. A model's operating input may equal one of the limits.
     operating_input : float, optional

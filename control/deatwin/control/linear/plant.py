@@ -89,7 +89,7 @@ def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: in
     Parameters
     ----------
     calibrated : CalibratedPlant
-        Calibrated plant with the covariance of its parameters, each transformed by its `Scale`.
+        Calibrated plant with the covariance of its transformed parameters (value, logarithm or reciprocal, by `Scale`).
     rng : numpy.random.Generator
         Random generator for the draws.
     count : int

@@ -145,7 +145,7 @@ class ClosedLoop(Described):
 
     @property
     def steady_error(self) -> float:
-        """Magnitude of the mean error in the last third of the worst level, as a share of the smallest step."""
+        """Magnitude of the mean error in the last third of the worst of `levels`, as a share of the smallest step."""
         return self._late(lambda error: abs(float(error.mean())))
 
     @property

@@ -17,12 +17,12 @@ LEVELS = (0.0, 1.0, 0.0, -1.0, 0.0)  # Levels of the step reference, in amplitud
 
 @taking(centre=finite, amplitude=finite, plateau=whole(1), rise=whole(0))
 def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0) -> Array:
-    """Make a reference that steps up, back, down and back.
+    """Make a reference that steps from the centre up, back, down and back.
 
     Parameters
     ----------
     centre, amplitude : float
-        Centre and amplitude, in the output's unit.
+        Centre, and height of each step, in the output's unit.
     plateau : int
         Number of samples at each level, including the transition to it.
     rise : int

@@ -146,11 +146,11 @@ class Comparison(Described):
     Parameters
     ----------
     differences : tuple of Difference
-        One entry for each pair of responses, order and band, sorted in this order.
+        Differences sorted by pair of responses, then by order, then by band.
     level : float
         Probability that the table states at least one difference although there is none.
     drifts : tuple of Drift
-        One entry for each recording, order and band, sorted in this order. Empty if models were compared.
+        Drifts sorted by recording, then by order, then by band. Empty if models were compared.
     """
 
     differences: tuple[Difference, ...]
