@@ -84,7 +84,7 @@ def check(
     samples: int = 200,
     progress: Progress | None = None,
 ) -> Check:
-    """Design a controller on an identified model, and judge it on draws from the model's posterior and on plants.
+    """Design a controller on an identified model, and judge the controller on the uncertain model and on plants.
 
     Parameters
     ----------
@@ -115,14 +115,14 @@ def check(
         computed from the recording. Without a recording, both are read from ``model.provenance``. If the band is
         unknown, the verdict is at best marginal. If the residual is unknown, the model's prediction is not judged.
     specification : Specification, optional
-        Requirements on the closed loop; the margins recommended by textbooks by default.
+        Requirements on the closed loop; by default ``Specification()``, with margins that textbooks recommend.
     others : mapping of str to Plant or CalibratedPlant, optional
         Further plants, by name, such as alternative explanations from a diagnosis or other actuators of a fleet. The
         controller's margins and simulated runs are judged on these plants, too, with their nominal parameters.
     trajectory : ThetaTrajectory, optional
         Trajectory of the parameters of a time-varying model; margins are then judged along the trajectory, too.
     samples : int
-        Number of draws from the model's posterior.
+        Number of draws of the model's parameters from their posterior, on which margins are judged.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1.
 

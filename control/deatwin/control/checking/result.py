@@ -187,7 +187,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
 
     @property
     def reason(self) -> str:
-        """Texts of the findings that are as severe as the verdict; for `pass`, that all requirements are met."""
+        """Texts of the findings that are as severe as the verdict; for `pass`, a text that all requirements are met."""
         if self.verdict is Verdict.PASS:
             tuned = "controller" if self.controller is None else f"{self.controller.name} controller"
             return f"the {tuned} meets all requirements{self._where}"
@@ -204,7 +204,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
 
     @property
     def least_margins(self) -> dict[str, float]:
-        """Least gain margin (factor) and phase margin (degrees) in all rows of the table, draws included."""
+        """Least `gain_low` (factor) and `phase_low_deg` (degrees) of all rows of the table."""
         rows = self.table
         return {
             "gain": min((row.gain_low for row in rows), default=inf),

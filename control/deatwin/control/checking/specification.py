@@ -14,8 +14,8 @@ from deatwin.control.errors import ControlError
 class Verdict(Enum):
     """Verdict on a controller, or on one quantity of its loop.
 
-    ``PASS`` if every requirement is met, ``FAIL`` if a requirement is not met even at its weaker limit, else
-    ``MARGINAL``; see `Limit`.
+    ``PASS`` if every requirement is met, ``FAIL`` if a requirement is not met even at its weaker limit
+    (`Limit.poor`), else ``MARGINAL``.
     """
 
     PASS = "pass"

@@ -204,7 +204,7 @@ class InverseController(Controller):
         return np.clip(self.curve.input(wanted), self.command_min, self.command_max), after
 
     def local(self, operating_input: float) -> Law:
-        """Linearise about `operating_input`: the law of the feedback times the slope of the inverse."""
+        """Return the linear law near `operating_input`: that of the feedback, divided by the slope of the curve."""
         return self.feedback.law.scaled(1.0 / float(self.curve.slope(operating_input)))
 
     def scaled(self, factor: float) -> Self:

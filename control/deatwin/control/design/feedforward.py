@@ -69,9 +69,9 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     """Fit a causal filter to the inverse of a model's dynamics on a band.
 
     The output of the filter is a weighted sum of the present reference, the previous reference, and the reference
-    filtered by each of three first-order lags. The weights minimise the squares of ``F G/G(1) - 1`` at frequencies from
-    1 % to 100 % of `band_Hz`. F is the response of the filter, G that of the model, and G(1) the static gain of the
-    model. The filter is stable even if the model has zeros outside the unit circle.
+    filtered by each of three first-order lags. The weights minimise the sum of ``|F G/G(1) - 1|^2`` over frequencies
+    from 1 % to 100 % of `band_Hz`. F is the response of the filter, G that of the model, and G(1) the static gain of
+    the model. The filter is stable even if the model has zeros outside the unit circle.
 
     Parameters
     ----------

@@ -111,7 +111,7 @@ class PidGains:
         )
 
     def windup(self, sample_time: float) -> np.ndarray:
-        """Return the anti-windup gain. The tracking time is the integral time, or one sample without proportional part.
+        """Return the anti-windup gain, for a tracking time of the integral time (one sample for an I controller).
 
         Parameters
         ----------

@@ -76,8 +76,8 @@ def _(source: Plant, name: str | None = None) -> NonlinearIOSystem:
 def rest_state_of(source: object, /, operating_input: ArrayLike) -> Array:
     """Return the state at which a system from `to_nlsys` rests under a constant input.
 
-    In the system of a plant, the zero state is the rest at which experiments start. From there the command changes to
-    the operating input, at which the plant comes to rest again. The sensor's zero remains that of the first rest.
+    In the system of a plant, the zero state is the state of rest in which experiments start. From there the command
+    changes to the operating input, at which the plant comes to rest again. The sensor's zero does not change.
 
     Parameters
     ----------

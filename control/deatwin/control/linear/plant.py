@@ -55,7 +55,7 @@ def linearise_plant(
     operating_input : float
         Constant command, in its unit.
     values : ndarray, shape (n_p,), optional
-        Values of the free parameters, SI; the plant's own by default.
+        Values of the plant's free parameters, SI; by default those of `plant`.
     time : float
         Clock time at which slowly drifting quantities are evaluated, s.
 

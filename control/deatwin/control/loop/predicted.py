@@ -119,7 +119,7 @@ class PredictedLoop(Described):
         Parameters
         ----------
         run : ClosedLoop
-            Run with the same reference; samples missing at its end count as outside.
+            Run with the same reference; samples that are missing at the end count as outside.
         """
         n = run.output.size
         within = np.abs(run.output - self.middle[:n]) <= self.half_width[:n]

@@ -65,7 +65,7 @@ def nofrf(
         Desired order n, from 1 to 20.
     highest : int, optional
         Number of orders to fit, up to 20. By default, all numbers from ``order`` to ``order`` + 4 are tried, and the
-        smallest number is taken whose leave-one-out error over the levels is at most twice the least error.
+        smallest number is taken whose leave-one-out error over the levels is at most twice the least of these errors.
     operating_input : float, optional
         Constant input about which the model is analysed, in its unit; the mean of the training inputs by default.
 
