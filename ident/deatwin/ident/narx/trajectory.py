@@ -44,18 +44,18 @@ class ThetaTrajectory(
     Parameters
     ----------
     model : NarxModel
-        Model with the terms, signals and noise variance; its parameters are those at the last time.
+        Model at the last time, with the terms and the noise variance that hold for all times.
     timepts : ndarray, shape (n,)
-        Increasing times on the experiment's clock in s.
+        Increasing times on the experiment's clock, in s.
     theta : ndarray, shape (n_terms, n)
         Parameters at each time, in the units that follow from the signals.
     theta_cov : ndarray, shape (n, n_terms, n_terms)
         Covariance of the parameters at each time.
     drift_variance : ndarray, shape (n_terms,)
-        Variance that the random walk of each parameter gains in one sample interval, in its squared unit; zero for a
-        parameter without a random-walk model.
+        Variance of the change of each parameter in one sample interval, in the parameter's squared unit; 0 if the
+        estimator does not model the drift as a random walk.
     log_likelihood : float or None
-        Log-likelihood of the outputs under the variances; None if the estimator provides none.
+        Log-likelihood of the outputs for these variances; None if the estimator does not compute the log-likelihood.
 
     Raises
     ------
