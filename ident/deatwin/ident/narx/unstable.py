@@ -35,7 +35,7 @@ class Unstable:
     sample_time : float
         Time between two samples in s.
     steps : int
-        Number of samples in which the unstable mode grows by the factor e, limited by the length of the recordings.
+        Number of samples in which the unstable mode grows by a factor of e, but no more than the recordings allow.
     ahead : Fit
         Fit of the predictions ``steps`` samples ahead.
     recorded_pole : complex or None
@@ -59,7 +59,7 @@ class Unstable:
         return complex(np.log(self.pole) / self.sample_time)
 
     def sentences(self, units: Sequence[str]) -> list[str]:
-        """Return sentences on the pole and on the error of the predictions, in the outputs' `units`."""
+        """Return sentences on the pole and on the prediction error; `units` are the units of the outputs."""
         ahead = ", ".join(
             f"{with_unit(rms, unit)} rms (fit {percent:.4g} %)"
             for rms, percent, unit in zip(self.ahead.rms, self.ahead.percent, units, strict=True)
