@@ -127,7 +127,8 @@ def generate_terms(
     ----------
     output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
         Lags in samples: a number n for the lags 1 to n, or a list of lags; an input lag may be 0. One value applies to
-        every channel. To give each channel its own lags, write ``[[1, 2], [4, 5]]`` or ``{"u1": [1, 2], "u2": [4, 5]}``.
+        every channel. To give each channel its own lags, write ``[[1, 2], [4, 5]]`` or
+        ``{"u1": [1, 2], "u2": [4, 5]}``.
     degree : int
         Largest degree of a term, at least 1.
     n_inputs, n_outputs : int

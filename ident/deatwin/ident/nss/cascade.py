@@ -51,9 +51,9 @@ class Cascade(StateSpaceIdentifier):
     states : int
         Number of states of the linear block, or of both blocks together for ``"LNL"``.
     shape : sequence of str
-        Nonlinear terms of the static functions: powers such as ``"v^2"``, or functions such as ``"|v|"``, ``"sat(v,1)"``
-        and, for splines, ``"hinge(v,0.5)"``. The argument v of a static function has an rms value of about one. A term
-        proportional to v and a constant are always included.
+        Nonlinear terms of the static functions: powers such as ``"v^2"``, or functions such as ``"|v|"``,
+        ``"sat(v,1)"`` and, for splines, ``"hinge(v,0.5)"``. The argument v of a static function has an rms value of
+        about one. A term proportional to v and a constant are always included.
     feedthrough : bool
         True if the last linear block has direct feedthrough: its output depends on its input in the same sample.
     held_out : float

@@ -221,8 +221,8 @@ def choose_sections(
     sought in the remaining segments.
 
     The longest stretch is used for training. The second longest is used for validation if it is long enough for
-    `validation_share`; otherwise the end of the longest stretch is used. If there is no stationary stretch, the sections
-    are the halves of the longest recording.
+    `validation_share`; otherwise the end of the longest stretch is used. If there is no stationary stretch, the
+    sections are the halves of the longest recording.
 
     Parameters
     ----------
