@@ -41,7 +41,7 @@ def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None 
       end in ``_``; ``model_`` and ``status_`` are among them.
     - A second fit does not depend on the first, and equal data give identical model files.
     - Several recordings, given as a list or as experiments, are not joined: each starts from its own first samples.
-    - An output that is zero throughout is refused.
+    - A fit to an output that is zero throughout raises an error.
     - ``predict`` and ``simulate`` of the model return outputs of the recording's shape.
     - Progress is reported. An interrupt either reaches the caller, or leaves a model and a status that reports the
       interrupt.
@@ -67,9 +67,9 @@ def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None 
 
 
 def example_recordings(n_samples: int = 150) -> tuple[Recording, Recording]:
-    """Return two recordings of y(k) = 0.5 y(k-1) + 0.8 u(k-2) - 0.3 y(k-1)u(k-1) + e(k), simulated from zero.
+    """Return two recordings of y(k) = 0.5 y(k-1) + 0.8 u(k-2) - 0.3 y(k-1)u(k-1) + e(k) with zero initial values.
 
-    The input u is white; its mean is -0.6 in the first recording and 0.6 in the second.
+    The input u is white. The mean of u is -0.6 in the first recording and 0.6 in the second.
 
     Parameters
     ----------

@@ -87,7 +87,7 @@ class Builder:
 
     @property
     def sample_start(self) -> Symbol:
-        """Clock time at the start of the present sample, s; `time` is the clock time itself."""
+        """Clock time at the start of the present sample, s; `time` is the clock time within the sample."""
         return self.channel(SAMPLE_START, 0.0)
 
     @cached_property

@@ -48,8 +48,8 @@ class MeasuringChain:
     Examples
     --------
     >>> chain = MeasuringChain()
-    >>> print(f"{chain.noise * 1e6:.2f} µm, of which {chain.reading_step * 1e6:.2f} µm steps")
-    0.61 µm, of which 1.22 µm steps
+    >>> print(f"noise {chain.noise * 1e6:.2f} µm rms, steps of {chain.reading_step * 1e6:.2f} µm")
+    noise 0.61 µm rms, steps of 1.22 µm
     """
 
     analogue_output: Converter = NI_9264

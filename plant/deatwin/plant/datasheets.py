@@ -76,7 +76,7 @@ class Converter(Part):
     bits : int
         Number of bits of the codes, which run from ``-2**(bits - 1)`` to ``2**(bits - 1) - 1``.
     full_scale : float
-        Voltage V at the ends of the range: the codes span ``-full_scale`` to ``full_scale``.
+        Voltage at the ends of the range, V: the codes span ``-full_scale`` to ``full_scale``.
     limit : float
         Largest rated magnitude of the voltage, V.
     noise : float

@@ -26,7 +26,8 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     Each new sample covers ``factor`` old samples. The new input is the filtered command in the middle of the new
     sample. The new reading is the filtered reading at the end of the new sample, or at the start for
     ``START_OF_HOLD``. A model of the new samples therefore has the phase of the system with a held input. At the
-    angular frequency omega, its relative gain error is ``(omega T)^2 / 24``, where T is the new sample time.
+    angular frequency omega, the relative gain error of the model is at most ``(omega T)^2 / 24``, where T is the new
+    sample time.
 
     About nine new samples at each end are dropped, because the filter would extend beyond the recording. The times of
     the remaining samples do not change.

@@ -121,12 +121,13 @@ class PredictiveBand(Described):
 
 
 def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95) -> PredictiveBand:
-    """Return the predictive band of one-step prediction: of each output, given all earlier measurements.
+    """Return the predictive band of the one-step prediction.
 
     The posterior is ``theta | tau ~ N(mean, V/tau)``, ``tau ~ Gam(a, b)``, with the parameters theta and the noise
     precision tau. With the regressors phi, each output then has a Student-t distribution with 2a degrees of freedom,
     mean ``phi'mean`` and squared scale ``b/a (1 + phi'V phi)``. The band is exact for a model without noise terms. For
-    a model with noise terms, the past noise in phi is estimated by the one-step errors for mean parameters.
+    a model with noise terms, the past noise in phi is estimated by the one-step errors of the model with the mean
+    parameters.
 
     Parameters
     ----------

@@ -42,8 +42,8 @@ class ThetaSmoother(VaryingParameters):
         Fixed structure: a model, whose terms are used, or terms such as ``["y(k-1)", "u(k-1)^2"]``. For several
         outputs, give the terms of each equation: ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
     drift : str
-        Model of the drift, the variance of w. "each" estimates one variance for each parameter. "common" estimates a
-        single variance, for regressors scaled to a root mean square of 1.
+        Model of the variance of w. "each" estimates one variance for each parameter. "common" estimates a single
+        variance, for regressors scaled to a root mean square of 1.
     variances : str
         Estimator of the variances. "likelihood" maximises the likelihood. A weak drift is then often estimated as zero,
         and the bands, which treat the variances as known, are too narrow: with one strong and two weak random walks

@@ -80,11 +80,11 @@ class VaryingParameters(NarxIdentifier):
 class Rls(VaryingParameters):
     """Estimator of time-varying parameters by recursive least squares with exponential forgetting.
 
-    At each sample k, the parameters theta minimise the sum over i of
-    ``forgetting**(k - i) * (y(i) - phi(i)'theta)**2``, with the output y and the regressors phi. The recursion starts
-    from the least squares solution of a short initial part of the data, in which the regressors are linearly
-    independent. The recursion is therefore exact: without forgetting, it ends at the least squares estimate of all
-    data. Nothing is forgotten over a gap between recordings.
+    At each sample k, the parameters theta minimise the sum of ``forgetting**(k - i) * (y(i) - phi(i)'theta)**2`` over
+    all samples i up to k, with the output y and the regressors phi. The recursion starts from the least squares
+    solution of a short initial part of the data, in which the regressors are linearly independent. The recursion is
+    therefore exact: without forgetting, it ends at the least squares estimate of all data. Nothing is forgotten over a
+    gap between recordings.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ class Reliance:
 
     @classmethod
     def of(cls, model: NarxModel, validation: Validation | None) -> Self:
-        """Return the assessment of a `model` with one output from its `validation`; None for too few held-out data."""
+        """Return the assessment of a `model` with one output; `validation` is None for too few held-out data."""
         share = samples_per_parameter(model)
         if validation is None:
             return cls(status=None, samples_per_parameter=share)
@@ -129,7 +129,7 @@ class Reliance:
 
     @property
     def provenance(self) -> dict[str, str]:
-        """Entries for the provenance of a `NarxModel`."""
+        """The assessment as entries for the provenance of a `NarxModel`."""
         kept = {STATUS_KEY: _UNTESTED if self.status is None else self.status.name.lower()}
         if self.failed:
             kept[FAILED_KEY] = "; ".join(self.failed)

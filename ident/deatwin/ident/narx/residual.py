@@ -124,8 +124,8 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
 
     Notes
     -----
-    An oscillating residual is treated as a slowly varying process with the rms and correlation time of its envelope. This
-    overestimates the uncertainty of a control loop rather than underestimating it.
+    An oscillating residual is treated as a slowly varying process with the rms and correlation time of its envelope.
+    This overestimates the uncertainty of a control loop rather than underestimating it.
     """
     require_model(model)
     run = model.simulate(recording)

@@ -69,7 +69,7 @@ class CorrelationTest:
         Probability of correlations at least as large if the model is adequate. It is twice the smaller p-value of two
         statistics: the sum of the squared correlations, and the largest correlation.
     level : float
-        Significance level; the test fails if ``p_value`` is below it.
+        Significance level; the test fails if ``p_value`` is below ``level``.
     """
 
     name: str

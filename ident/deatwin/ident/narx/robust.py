@@ -147,8 +147,8 @@ def robust(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) 
     Returns
     -------
     NarxModel
-        Model with the new ``theta_cov``. Its ``theta_dof``, the degrees of freedom of the t distribution, is
-        ``n_blocks - 1``. This is also the largest rank of the covariance, so use the covariance only for a few
+        Model with the new ``theta_cov``; ``theta_dof``, the degrees of freedom of the t distribution, is
+        ``n_blocks - 1``. The rank of the covariance is at most ``n_blocks - 1``, so use the covariance only for a few
         combinations of the parameters at a time.
 
     Raises

@@ -70,7 +70,8 @@ class Semp(CandidateSearch):
     max_terms : int
         Largest number of terms.
     threshold : float, optional
-        Smallest SRR of an addition, as published, dimensionless; if omitted, the tests alone decide.
+        Smallest SRR for which a term is added (the stopping rule of the published method), dimensionless. If omitted,
+        the two tests alone decide.
     level : float
         One-sided significance level of the t test between simulation errors, above 0 and at most 0.5. At 0.5, every
         difference is significant.

@@ -85,8 +85,8 @@ class Bayesian:
     """Estimator of given terms, for `Frols` and `Fixed`: Bayesian linear regression with a normal-gamma posterior.
 
     The priors are ``theta | tau ~ N(0, 1/(tau alpha))`` and ``tau ~ Gam(a0, b0)``, where theta are the parameters and
-    tau is the noise precision. All parameters share the precision alpha. For this purpose, each regressor is divided by
-    the power of two nearest to its root mean square.
+    tau is the noise precision. All parameters share the precision alpha, after each regressor is divided by the power
+    of two nearest to its root mean square.
 
     Parameters
     ----------

@@ -59,8 +59,8 @@ class Term:
         text : str
             Written term, such as ``y(k-1)u(k-2)^2``; spaces and ``*`` between factors are allowed.
         input_names, output_names : sequence of str, optional
-            Names that the text may use for the signals besides u1, y1 and so on. If a name has both meanings, it is
-            read as one of these.
+            Names that the text may use for the signals, besides u1, y1 and so on. A name given here takes precedence
+            over u1, y1 and so on.
 
         Raises
         ------
@@ -227,7 +227,7 @@ class TermTable:
         """Return the same terms for signals in other units.
 
         ``scales[kind][row]`` is the size of a signal's new unit in the old unit. A function of the signal, such as
-        sat(y(k-1),0.5), multiplies the signal by this number, so that its other arguments keep their values.
+        sat(y(k-1),0.5), multiplies the signal by this number, so that the limit 0.5 stays in the old unit.
         """
         if not self.functions:
             return self
@@ -267,9 +267,9 @@ class TermTable:
         Parameters
         ----------
         inputs : ndarray, shape (n_inputs, n)
-            Inputs of one recording, in the units of the parameters.
+            Inputs of one recording, in the units to which the model's parameters refer.
         outputs : ndarray, shape (n_outputs, n)
-            Outputs of one recording, in the units of the parameters.
+            Outputs of one recording, in the units to which the model's parameters refer.
         start, stop : int
             Samples [start:stop) of the recording; ``start`` must be at least ``max_lag``.
         noise : ndarray, shape (n_outputs, n), optional

@@ -39,11 +39,11 @@ class Unstable:
     ahead : Fit
         Fit of the predictions ``steps`` samples ahead.
     recorded_pole : complex or None
-        Pole z of largest magnitude of a long ARX model of the recordings, which noise does not bias; None if the
-        recordings are too short for such a model.
+        Pole z of largest magnitude of a high-order ARX model of the recordings; None if the recordings are too short
+        for such a model. Noise does not bias this pole.
     interval : tuple of float, or None
-        95 % interval of the magnitude of `recorded_pole`. The interval is valid if the controller does not react to a
-        disturbance before the disturbance appears in the output.
+        95 % interval of the magnitude of `recorded_pole`. For recordings from a control loop, the interval is valid if
+        the controller does not respond to a disturbance before the disturbance appears in the output.
     """
 
     pole: complex

@@ -112,7 +112,7 @@ class Validation(
         Fit of the simulation from the first measured samples and the inputs; its ``mean_square`` is the mean squared
         simulation error (MSSE).
     diverged : tuple of (int, float)
-        Index of each recording whose free run diverged, and the time on its clock in s.
+        Index of each recording whose free run diverged, and the time of divergence on the recording's clock, in s.
     tests : tuple of CorrelationTest
         Correlation tests of the residual of each output: with its own past, with each input that is not constant, and
         with the residual of each other output.

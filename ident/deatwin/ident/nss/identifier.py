@@ -77,7 +77,7 @@ class StateSpaceIdentifier(Identifier):
         """Raise ModelError unless the arguments make sense."""
 
     def fit(self, recordings: Recordings, y: None = None, *, progress: Progress | None = None) -> Self:
-        """Estimate the weights; `recordings`, `y` and `progress` are those of `NarxIdentifier.fit`."""
+        """Estimate the weights from `recordings`; `y` must be None, and `progress` takes a share and a description."""
         from threadpoolctl import threadpool_limits
 
         require_no_target(y)

@@ -39,8 +39,8 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     """Nonlinear state space x(k+1) = W phi(k), y(k) = V phi(k) + e(k).
 
     x are the states, y the outputs and e the noise of the readings. The regressors phi are 1, the states, the inputs
-    and the terms. A term is a product of powers and functions of states x1, x2, ..., inputs u (or u1, u2, ...) and
-    directions s1, s2, .... The directions are weighted sums of the regressors, s = P phi; terms in a direction may
+    and the terms. A term is a product of powers and functions of states (x1, x2, ...), inputs (u, or u1, u2, ...) and
+    directions (s1, s2, ...). The directions are weighted sums of the regressors, s = P phi; terms in a direction may
     contain earlier directions only. In these equations, each input and output is scaled: its origin is subtracted, and
     the result is divided by its scale.
 
@@ -174,7 +174,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
 
     @cached_property
     def system(self) -> System:
-        """Weights in the form that a run needs."""
+        """Weights in the form that the simulation needs."""
         n = len(self.transition)
         basis = Basis(n, self.directions.shape[1] - 1 - n - len(self.terms), len(self.directions), self.terms)
         return System(basis=basis, **weights_of(self))

@@ -31,8 +31,8 @@ class Pnlss(StateSpaceIdentifier):
     search, the end of each recording is held out, and the search ends when the free-run error on the held-out samples
     no longer falls. The second search fits all samples. If the held-out error was still falling, the second search
     continues from the result of the first. Otherwise the second search starts again from the linear model and takes as
-    many steps as the first search took to its smallest held-out error. Its result is used only if the error over all
-    samples is smaller than that of the first search's result.
+    many steps as the first search took to its smallest held-out error. The result of the second search is used
+    only if its error over all samples is smaller than that of the first result.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ class Pnlss(StateSpaceIdentifier):
         Further terms of the state equation and of the output equation, such as ``"|x2|"`` or ``"tanh(s1,1) u"``. Terms
         may contain the functions of NARX terms, including those added by `register_function`.
     directions : int
-        Number of directions s1, s2, .... A direction is a weighted sum of 1, the states and the inputs, and its weights
-        are estimated too. Each direction must occur in `terms` or `output_terms`.
+        Number of directions (s1, s2, ...). A direction is a weighted sum of 1, the states and the inputs, and its
+        weights are estimated too. Each direction must occur in `terms` or `output_terms`.
     starts : int
         Number of random starts for the weights of the directions; the result with the smallest held-out error is kept.
     feedthrough : bool

@@ -25,7 +25,7 @@ class AmplifierSaturation(Effect):
     Typical: a limit near the top of the range, 2.8 kV.
 
     Signature: almost no effect at voltages more than 4w below the limit. For s = 1, the voltage has a flat top above
-    the limit, at all frequencies and for both polarities. The clipped drive does not cut off the ball's ringing,
+    the limit, at all frequencies and for both polarities. Clipping of the drive does not cut off the ball's ringing,
     whereas an `end_stop` does. `strain_stiffening` bends the response at low voltage already. A saturation with a wide
     corner looks like `leakage`. The effect is off at s = 0.
 

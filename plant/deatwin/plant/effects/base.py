@@ -161,7 +161,7 @@ class Effect(ABC):
 
     @property
     def cause(self) -> str:
-        """Name of the effect at its first place, which is `name` without a further place."""
+        """Name of the effect without its place: the `name` that the effect has at its first place."""
         return self.name.removesuffix(f"_at_{self.placed_at}") if self.placed_at else self.name
 
     def placed(self, at: str) -> Effect:
@@ -175,7 +175,7 @@ class Effect(ABC):
         Returns
         -------
         Effect
-            Effect with the name ``effect_at_place``.
+            Effect with a name such as ``periodic_disturbance_at_force``.
 
         Raises
         ------

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class CoulombFriction(Effect):
-    r"""Coulomb friction on the ball, which sticks, or slips slowly, until the force exceeds the friction force.
+    r"""Coulomb friction on the ball: the ball sticks, or creeps slowly, until the driving force exceeds the friction.
 
     .. math:: F = -F_c\,\zeta, \qquad \zeta = P\Bigl(\frac{v_r\zeta + v}{v_r + v_s}\Bigr), \qquad
               P(x) = \tfrac12\Bigl[\sqrt{(x + 1)^2 + w^2} - \sqrt{(x - 1)^2 + w^2}\Bigr]

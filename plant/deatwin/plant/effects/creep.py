@@ -25,8 +25,8 @@ class Creep(Effect):
     energy of the branch's spring for a modulus of 1, and :math:`\kappa` is the curvature of e in the relaxed state.
     Typical for VHB: 10 to 60 kPa, 6 to 500 s; the stroke for a constant voltage is 15 to 20 % larger than at 1 Hz.
     Signature: after each change of the mean voltage the motion continues slowly, nearly in proportion to the change of
-    the squared voltage, and it recovers when the voltage returns. With `dielectric_absorption`, the electrical stress
-    continues to change even if the film is blocked; `permittivity_drift` does not recover. The effect is off at
+    the squared voltage, and the film recovers when the voltage returns. With `dielectric_absorption`, the electrical
+    stress continues to change even if the film is blocked; `permittivity_drift` does not recover. The effect is off at
     :math:`\mu_c = 0`.
 
     Parameters

@@ -44,8 +44,8 @@ class Delay(Effect):
     `sensor_lag` with a short time constant looks like a delay; above 5 Hz, both reduce the gain. The effect is off at
     :math:`\tau_d = 0`.
 
-    ``Delay().placed("reading")`` delays the reading instead, such as that of a camera. A delayed time within a sample
-    is evaluated by the polynomial through the values of the reading y at the n stages of the integrator. The
+    ``Delay().placed("reading")`` delays the reading instead, such as that of a camera. A delay by a fraction of a
+    sample is computed from the polynomial through the values of the reading y at the n stages of the integrator. The
     coefficients of this polynomial follow from the moments :math:`m_j` of the reading over the sample (i and j run from
     0 to n - 1):
 

@@ -62,7 +62,7 @@ class Leakage(Effect):
     signal: ClassVar[str] = "film_voltage"
     strength: ClassVar[str] = "resistance"
     order: ClassVar[int] = 1
-    """After `electrode_rc`, because the drop is that at the voltage to which the film has charged."""
+    """After `electrode_rc`, because the current depends on the voltage to which the film has charged."""
     wording: ClassVar[str] = (
         "Leakage through the film, which grows e-fold every {field_scale}, drops voltage over {resistance}"
     )

@@ -57,10 +57,10 @@ class Mullins(Effect):
     signal: ClassVar[str] = "film"
     strength: ClassVar[str] = "softening"
     order: ClassVar[int] = 1
-    """After the effects that add energy, and before those that change it in time, which would move the maximum."""
+    """After the effects that add elastic energy, and before those that change the energy with time."""
     wording: ClassVar[str] = "The film has softened by up to {softening} below the largest stretch so far ({energy})"
     pursuit: ClassVar[float] = 2e-3
-    """Time T in which the state follows the energy, s: a tenth of a sample at 50 Hz."""
+    """Time T within which the state follows the energy density, s."""
     corner: ClassVar[float] = 0.01
     """Rounding of p, in units of m."""
 

@@ -150,8 +150,8 @@ def estimate_dead_time(
 
     A long ARX model with all inputs whitens the noise. The first lag at which its coefficient of an input differs
     significantly from zero (robust Wald test) is an upper bound of the dead time. Up to that bound, first- and
-    second-order plants are fitted to the whitened signals for each dead time. Schwarz's criterion converts their
-    likelihoods to probabilities.
+    second-order plants are fitted to the whitened signals for each dead time. Schwarz's criterion (BIC) converts the
+    likelihoods of these fits to probabilities.
 
     Neither held, slow or autocorrelated inputs nor coloured noise bias the estimate. Strongly correlated inputs make
     the interval too narrow by a sample or two. Noise on a measured input makes the dead time seem a sample or two
@@ -162,8 +162,8 @@ def estimate_dead_time(
     (status ``POOR``).
 
     Each input is also tested for feedback: whether the past of the output predicts the input. For a periodic input, the
-    test uses only the differences between periods; without noise, it then cannot detect feedback. Decimated recordings
-    are not tested, because a zero-phase filter makes each sample depend on later ones.
+    test uses only the differences between periods, so it cannot detect feedback in recordings without noise. Decimated
+    recordings are not tested, because a zero-phase filter makes each sample depend on later ones.
 
     At most 20 000 samples are used, from the beginning of each recording.
 

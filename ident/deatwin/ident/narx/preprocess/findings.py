@@ -100,7 +100,7 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
     recordings : Recording, Experiment, or several
         Recordings of at least 200 samples each.
     level : float
-        Significance level: probability that a signal of normal noise gives a false finding of one kind.
+        Significance level: probability that a signal of normal noise gives a false finding of a given kind.
     degree : int
         Largest degree of the intended model. An input is reported if it does not have more levels than this degree,
         because it then cannot determine the model.

@@ -71,7 +71,7 @@ class StationarityTest:
         difference between successive samples.
     test : str
         Property that is tested over the segments: a "trend" of the statistic, a "change" at one time, or a "spread"
-        beyond chance.
+        that is larger than chance allows.
     p_value : float
         Probability of a test result at least as extreme if the signal is stationary and its segments are independent.
     """
@@ -136,7 +136,7 @@ class Sections(Described):
         Length of the segments of each recording, in s.
     correlation_time_s : tuple of float
         Longest correlation time of any signal of each recording, in s. Segments should be at least 15 times as long.
-        With segments 10 times as long, the probability of failing is twice ``level``.
+        If they are only 10 times as long, a stationary stretch fails with twice the probability ``level``.
     level : float
         Probability that a stationary stretch fails at least one of the tests (Bonferroni).
     status : SectionStatus
