@@ -51,7 +51,7 @@ def _along_the_command(curve: ActuationCurve) -> Variables:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ActuationCurve(Described):
-    """Equilibria of a plant over its command.
+    """Equilibria of a plant as a function of the command.
 
     Parameters
     ----------

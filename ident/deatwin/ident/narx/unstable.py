@@ -26,7 +26,7 @@ _SURER = 3.1  # standard deviations if nothing else speaks for an unstable pole:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Unstable:
-    """Unstable pole of a model, and the fit of its predictions.
+    """Unstable pole of a model, and the fit of the model's predictions several steps ahead.
 
     Parameters
     ----------

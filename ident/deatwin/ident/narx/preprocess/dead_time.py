@@ -148,10 +148,10 @@ def estimate_dead_time(
     taken when the input of the same sample is applied; a plant without transport delay then has a dead time of 1. If
     the reading is taken at the end of the sample, such a plant has a dead time of 0.
 
-    A long ARX model with all inputs whitens the noise. The first lag at which its coefficient of an input differs
-    significantly from zero (robust Wald test) is an upper bound of the dead time. Up to that bound, first- and
-    second-order plants are fitted to the whitened signals for each dead time. Schwarz's criterion (BIC) converts the
-    likelihoods of these fits to probabilities.
+    A long ARX model with all inputs whitens the noise. For each input, the first lag at which the coefficient of the
+    model differs significantly from zero (robust Wald test) is an upper bound of the dead time. Up to that bound,
+    first- and second-order plants are fitted to the whitened signals for each dead time. Schwarz's criterion (BIC)
+    converts the likelihoods of these fits to probabilities.
 
     Neither held, slow or autocorrelated inputs nor coloured noise bias the estimate. Strongly correlated inputs make
     the interval too narrow by a sample or two. Noise on a measured input makes the dead time seem a sample or two

@@ -91,9 +91,9 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
     """Look for trends, drift, outliers, quantisation, clipping, constant readings and inputs with few levels.
 
     The recordings are not altered. Inputs are examined for trends, drift and few levels only, because a command may
-    jump, rest or stay at a limit. Trends and drift are reported only if a twentieth of the recording is at least
-    fifteen correlation times of the signal long. In shorter recordings they cannot be distinguished from chance. Only
-    isolated readings count as outliers, because a group of deviating readings could be motion.
+    jump, rest or stay at a limit. Trends and drift are reported only if the recording lasts at least 300 correlation
+    times of the signal; in shorter recordings they cannot be distinguished from chance. Only isolated readings count as
+    outliers, because a group of deviating readings could be motion.
 
     Parameters
     ----------
