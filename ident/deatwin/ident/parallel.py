@@ -37,7 +37,7 @@ def one_thread(function: Callable[Arguments, Result]) -> Callable[Arguments, Res
 
 
 def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
-    """Return independent random generators, one for each job, that depend on the seed alone.
+    """Return independent random generators, one for each job; the same seed gives the same generators.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
     Raises
     ------
     ModelError
-        If the seed is not an integer of at least 0.
+        If `seed` or `count` is not an integer of at least 0.
     """
     require_seed(seed)
     whole_number(count, "count", 0)
@@ -72,12 +72,12 @@ def run_jobs(
 ) -> list[Result]:
     """Call a function once for each tuple of arguments.
 
-    The user's ``joblib.parallel_config`` is respected; this function sets no backend.
+    Several processes use the joblib backend that the user has set by ``joblib.parallel_config``.
 
     Parameters
     ----------
     function : callable
-        Function to call; it must be importable by name, so that worker processes find it.
+        Function to call. Worker processes must be able to import the function by its name.
     jobs : iterable of tuple
         Arguments of each call.
     workers : int

@@ -26,33 +26,38 @@ _INTERRUPTS = 4  # places at which a fit is interrupted
 
 
 class ContractError(DeatwinError, AssertionError):
-    """Error of an estimator that breaks the contract; its text names the part and the remedy."""
+    """Raised by `check_identifier` if an estimator breaks the contract; the text names the rule that is broken."""
 
 
 def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None = None) -> None:
     """Raise an error unless an estimator fulfils the contract of deatwin's identifiers.
 
-    The contract: arguments are stored untouched, and nothing else is set before a fit. ``get_params``, ``set_params``,
-    `sklearn.base.clone` and `sklearn.utils.get_tags` work, and ``score`` ranks fits in a search over recordings.
-    ``fit`` returns the estimator, leaves arguments and recordings as they are, and gives learned attributes names that
-    end in ``_``, among them ``model_`` and ``status_``. A second fit does not depend on the first, and equal data give
-    identical files. Several recordings, given as a list or as experiments, are not joined: each starts from its own
-    first samples. An output that is zero throughout is refused. ``predict`` and ``simulate`` return outputs of
-    the recording's shape. Progress is reported, and an interrupt either reaches the caller or leaves a model and a
-    status that says so.
+    The contract:
+
+    - Arguments are stored untouched, and nothing else is set before a fit.
+    - ``get_params``, ``set_params``, `sklearn.base.clone` and `sklearn.utils.get_tags` work. ``score`` ranks fits in a
+      scikit-learn search over recordings.
+    - ``fit`` returns the estimator and leaves arguments and recordings unchanged. Learned attributes have names that
+      end in ``_``; ``model_`` and ``status_`` are among them.
+    - A second fit does not depend on the first, and equal data give identical model files.
+    - Several recordings, given as a list or as experiments, are not joined: each starts from its own first samples.
+    - A fit to an output that is zero throughout raises an error.
+    - ``predict`` and ``simulate`` of the model return outputs of the recording's shape.
+    - Progress is reported. An interrupt either reaches the caller, or leaves a model and a status that reports the
+      interrupt.
 
     Parameters
     ----------
     identifier : object
         Estimator that has not been fitted; it is not changed.
     recordings : sequence of Recording, optional
-        Two or more recordings with a common sample time and clock on which the estimator can be fitted; defaults to
+        Two or more recordings, with a common sample time and clock, to which the estimator can be fitted; defaults to
         `example_recordings`.
 
     Raises
     ------
     ContractError
-        If the estimator breaks the contract; the first breach is named.
+        If the estimator breaks the contract; the text names the first rule that is broken.
     """
     if not hasattr(type(identifier), "get_params"):
         raise ContractError(f"identifier must be an estimator, as Frols(); got {kind_of(identifier)}")
@@ -62,12 +67,14 @@ def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None 
 
 
 def example_recordings(n_samples: int = 150) -> tuple[Recording, Recording]:
-    """Return two recordings of y(k) = 0.5 y(k-1) + 0.8 u(k-2) - 0.3 y(k-1)u(k-1) + e(k) at different levels.
+    """Return two recordings of y(k) = 0.5 y(k-1) + 0.8 u(k-2) - 0.3 y(k-1)u(k-1) + e(k) with zero initial values.
+
+    The input u is white. The mean of u is -0.6 in the first recording and 0.6 in the second.
 
     Parameters
     ----------
     n_samples : int
-        Length of each recording in samples.
+        Number of simulated samples, at least 21. The recordings omit the first 20 of them.
     """
     whole_number(n_samples, "n_samples", 21)
     rng = np.random.default_rng(20090810)

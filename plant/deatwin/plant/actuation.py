@@ -51,7 +51,7 @@ def _along_the_command(curve: ActuationCurve) -> Variables:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ActuationCurve(Described):
-    """Equilibria of a plant over its command.
+    """Equilibria of a plant as a function of the command.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class ActuationCurve(Described):
     readings : ndarray, shape (n,)
         Reading at rest under each command, SI.
     signals : mapping of str to ndarray, each of shape (n,)
-        Watched signals of the plant at each command, SI.
+        Signals that the rig reports, such as the tension, at each command, SI.
     unknowns : mapping of str to ndarray, each of shape (n,)
         States and coordinates of the plant at each command, SI.
     end : CurveEnd
@@ -91,12 +91,12 @@ class ActuationCurve(Described):
 
     @property
     def slack_command(self) -> float | None:
-        """Command at which the film loses its tension; None without such a loss, or if the tension is not watched."""
+        """Command at which the film loses its tension; None without such a loss, or if the rig reports no tension."""
         return self._crossing(-self.signals.get("tension", np.zeros(0)))
 
     @property
     def limits(self) -> dict[str, float]:
-        """Commands at which the film ``pulls in``, ``breaks down`` or ``goes slack``; without those that do not occur."""
+        """Commands at which the film ``pulls in``, ``breaks down`` or ``goes slack``; only limits that occur."""
         pull_in = None if self.end.ok else float(self.commands[-1])
         found = {"pulls in": pull_in, "breaks down": self.breakdown_command, "goes slack": self.slack_command}
         return {verb: command for verb, command in found.items() if command is not None}
@@ -111,7 +111,7 @@ class ActuationCurve(Described):
         return float(self.commands[last - 1] + share * (self.commands[last] - self.commands[last - 1]))
 
     def plot(self, ax: Axes | None = None, **style: object) -> Axes:
-        """Plot the reading over the command, with its limits marked, on `ax` or new axes.
+        """Plot the reading over the command, with the limits of the command marked, on `ax` or new axes.
 
         `style` holds matplotlib's properties of the line, such as its colour.
         """
@@ -134,7 +134,7 @@ def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:
     Parameters
     ----------
     plant : Plant
-        The plant. Its effects act as after an infinite hold at each command, except that their clock stays at 0.
+        The plant. Effects act as after an infinite hold at each command, except that the clock stays at 0.
     commands : ndarray, shape (n,)
         Commands in the rig's unit, rising from the command at rest.
 
@@ -148,9 +148,9 @@ def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:
     Raises
     ------
     DataError
-        If the commands are not one row of finite numbers that rise.
+        If the commands are not one row of rising finite numbers, or begin below the command at rest.
     ModelError
-        If there is no plant.
+        If `plant` is not a `Plant`.
     SimulationError
         If the plant has no state of rest.
     """

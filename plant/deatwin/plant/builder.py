@@ -21,7 +21,7 @@ from deatwin.plant.written import State, Symbol, Written, is_same
 
 
 class Builder:
-    """Collects the equations of a rig and of its effects. Its symbols are `casadi.SX`.
+    """Collects the equations of a rig and of its effects. All symbols are `casadi.SX`.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Builder:
         return self.written.symbols[name]
 
     def reach(self, name: str) -> float:
-        """Return the upper end of the range of parameter `name`, SI; a value beyond it rebuilds the equations."""
+        """Return the upper end of the range of parameter `name`, SI; a larger value rebuilds the equations."""
         return self.written.parameters[name].upper
 
     def parameter(self, name: str) -> Symbol:
@@ -61,7 +61,7 @@ class Builder:
         return self.place(Place.PARAMETER, name, self.own(name))
 
     def constant(self, name: str, value: np.ndarray | float) -> Symbol:
-        """Add a constant of the rig, which is never fitted: a symbol `name` (n, 1) with an SI `value` (n,) or float."""
+        """Add a constant that is never fitted: a symbol `name` of shape (n, 1) with an SI `value` (n,) or float."""
         numbers = known(value, f"the constant {name}")
         symbol = ca.SX.sym(name, numbers.size)
         self.written.constants.append((symbol, numbers))
@@ -87,12 +87,12 @@ class Builder:
 
     @property
     def sample_start(self) -> Symbol:
-        """Clock time at the start of the present sample, s; `time` continues within the sample."""
+        """Clock time at the start of the present sample, s; `time` is the clock time within the sample."""
         return self.channel(SAMPLE_START, 0.0)
 
     @cached_property
     def sample_time(self) -> Symbol:
-        """Sample time as a symbolic constant, s; `signal` returns it as a number."""
+        """Sample time as a symbolic constant, s; ``signal("sample_time")`` returns the number."""
         return self.constant("sample_time", self.signal("sample_time"))
 
     def divide(self, first: Symbol) -> Parts:
@@ -125,7 +125,7 @@ class Builder:
         return self.written.parts
 
     def channel(self, name: str, default: float) -> Symbol:
-        """Add a measured input `name`, such as the temperature, with an SI value `default` where it is not recorded."""
+        """Add a measured input `name`, such as the temperature; its SI value is `default` if it is not recorded."""
         if name not in self.written.channels:
             self.written.channels[name] = (
                 ca.SX.sym(name),
@@ -143,7 +143,7 @@ class Builder:
         scale : float
             Typical size, SI.
         start : casadi.SX, optional
-            Value at rest; by default the value at which its rate is zero.
+            Value at rest; by default, the value at which the state's rate is zero.
         """
         symbol = self._unknown(name)
         first = None if start is None else number(start, f"the start of state {name}")
@@ -156,13 +156,13 @@ class Builder:
         Parameters
         ----------
         owner : str
-            Branch or effect whose memory the state is. The call has no effect unless the plant has the parameter
-            ``owner_at_start`` or ``owner.at_start``, which says how far the state is from rest at the start.
+            Name of the Maxwell branch or effect that the state belongs to. The call does nothing unless the plant has
+            the parameter ``owner_at_start`` or ``owner.at_start``: the distance of the state from rest at the start.
         state : casadi.SX
             Symbol that `state` returned.
         displaced : callable
-            Function of that parameter. It returns the state's value at rest, as an expression of `state` and the
-            parameter.
+            Function that takes the symbol of this parameter and returns the state's value at rest, as an expression of
+            the symbol and `state`.
         """
         name = next((n for n in (f"{owner}_at_start", f"{owner}.at_start") if n in self.written.parameters), None)
         if name is not None:
@@ -175,8 +175,10 @@ class Builder:
         ----------
         state : casadi.SX
             Symbol that `state` returned.
-        value, mass : casadi.SX or float
-            Right side, and factor of the rate; `mass` depends on parameters only.
+        value : casadi.SX or float
+            Right side of the equation.
+        mass : casadi.SX or float
+            Factor of the rate; it may depend on parameters only.
         """
         name = next((n for n, (symbol, _, _) in self.written.states.items() if is_same(symbol, state)), None)
         if name is None:
@@ -197,11 +199,11 @@ class Builder:
             Symbol that `state` returned.
         after : casadi.SX, optional
             State of the same scale. `state` takes the value that `after` has at the end of the previous sample, and
-            keeps this value for a sample. The rate of `state` is zero, and so are the rates of all states written
-            later. By default `state` begins at zero.
+            keeps this value for a sample. The rate of `state` must be zero, and so must the rates of all states written
+            later. By default, `state` starts each sample at zero.
         at_rest : float
-            For a state that begins at zero: the value that it reaches at rest, over a sample with the rate at the
-            sample's end.
+            Only for a state that starts each sample at zero: the value that it reaches at the end of a sample at rest,
+            divided by the sample time and by its rate at that time.
         """
         names = {n: s.symbol for n, s in self.written.states.items()}
         name, source = (next((n for n, one in names.items() if is_same(one, each)), "") for each in (state, after))
@@ -216,7 +218,7 @@ class Builder:
         self._last.append(rewrite)
 
     def coordinate(self, name: str, *, scale: float) -> Symbol:
-        """Add an algebraic coordinate with a unique `name` and a typical size `scale`, SI; each needs one `balance`."""
+        """Add an algebraic unknown with a unique `name` and a typical size `scale`, SI; it needs one `balance`."""
         symbol = self._unknown(name)
         self.written.coordinates[name] = (symbol, size(scale, f"the scale of coordinate {name}"))
         return symbol
@@ -226,7 +228,7 @@ class Builder:
         self.written.balances.append(number(value, f"balance {1 + len(self.written.balances)}"))
 
     def guess(self, unknown: Symbol, value: Symbol) -> None:
-        """Let the search for rest begin with `unknown`, a state or coordinate, at the expression `value`."""
+        """Start the search for the state of rest with `unknown`, a state or coordinate, at the expression `value`."""
         known = {n: s for n, (s, *_) in (*self.written.states.items(), *self.written.coordinates.items())}
         name = next((n for n, symbol in known.items() if is_same(symbol, unknown)), None)
         if name is None:
@@ -234,7 +236,7 @@ class Builder:
         self.written.guesses[name] = number(value, f"the guess of {name}")
 
     def at_rest(self, name: str, value: Symbol) -> Symbol:
-        """Return a symbol `name` that keeps the value of the expression `value` at rest for the whole experiment."""
+        """Return a symbol `name` that is constant: its value is that of the expression `value` at rest."""
         symbol = ca.SX.sym(name)
         self.written.held[name] = (symbol, number(value, f"the value of {name} at rest"))
         return symbol
@@ -263,7 +265,10 @@ class Builder:
         return signal
 
     def watch(self, name: str, value: Symbol) -> Symbol:
-        """Report a signal `value` in the results under a `name`, with its unit if that is not SI, and return it."""
+        """Report `value` in the results as the signal `name`, and return `value`.
+
+        The name must include the unit if the unit is not SI.
+        """
         number(value, f"the watched signal {name}")
         self.written.watched[name] = value
         return value
@@ -274,24 +279,24 @@ class Builder:
         return value
 
     def measure(self, name: str, level: Symbol, *, stored: Symbol = 0.0, share: Symbol = 1.0) -> None:
-        """Offer a signal to a further reading of the rig.
+        """Define what a further reading of the rig measures: ``level`` plus ``share`` times the rate of ``stored``.
 
         Parameters
         ----------
         name : str
-            Name of the reading. A watched signal is offered under its own name without this call.
+            Name of the reading. A signal that `watch` reports is available under its own name without this call.
         level : casadi.SX or float
-            Part of the reading that is a quantity itself, not a rate, SI.
+            Part of the reading that is not a rate, SI.
         stored : casadi.SX or float
-            Quantity whose mean rate over a sample is added, such as a charge, in SI.
+            Quantity, such as a charge, whose mean rate over a sample is part of the reading, SI.
         share : casadi.SX or float
-            Factor of that rate.
+            Factor of this rate.
         """
         parts = (level, stored, share)
         self.written.measured[name] = tuple(number(part, f"the reading {name}") for part in parts)
 
     def signal(self, name: str, otherwise: Any = None) -> Any:
-        """Return a watched or shared signal, for effects that need more than the one they rewrite.
+        """Return a signal that `watch` or `share` has made available, for effects that need several signals.
 
         Parameters
         ----------
@@ -330,8 +335,8 @@ class Builder:
         Raises
         ------
         RigError
-            If an effect acts on a signal that the rig does not have, a further reading does not belong to any of its
-            signals, or equations are missing.
+            If an effect acts on a signal that the rig does not have, a further reading is not one of the rig's signals,
+            or equations are missing.
         """
         for effect in self._effects:
             if (effect.place, effect.signal) not in self._offered:

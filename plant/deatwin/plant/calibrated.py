@@ -88,7 +88,7 @@ class CalibratedPlant(
     document=lambda known: known.to_dict(),
     fields=lambda data: fields_of(data),
 ):
-    """Plant with fitted parameters, their covariance and the sizes of noise and model error.
+    """Plant with fitted parameters, the covariance of these parameters, and the rms of noise and model error.
 
     Parameters
     ----------
@@ -97,13 +97,14 @@ class CalibratedPlant(
     noise : float
         Standard deviation of the sensor noise, SI.
     model_error : float
-        Rms of the residual on held-out data that noise does not explain, SI.
+        Rms of the part of the held-out residual that noise does not explain, SI.
     names : tuple of str
         Names of the n fitted parameters.
     covariance : ndarray, shape (n, n)
-        Covariance of the fitted parameters, each transformed by its `Scale` (value, logarithm or reciprocal, SI).
+        Covariance of the fitted parameters. Each parameter is transformed according to its `Scale`: the SI value, its
+        logarithm or its reciprocal.
     provenance : mapping of str to str
-        Origin of the model: files, dates and the like.
+        Origin of the model, such as files and dates.
     """
 
     plant: Plant
@@ -138,21 +139,24 @@ class CalibratedPlant(
 
     @classmethod
     def nominal(cls, plant: Plant) -> Self:
-        """Make a calibrated plant from a `plant` that was not calibrated; its parameters count as exact."""
+        """Return a calibrated plant for a `plant` that was not calibrated.
+
+        The parameters count as exact. Noise and model error are those of the rig.
+        """
         return cls(plant=plant, noise=plant.rig.noise, model_error=plant.rig.model_error)
 
     def predict(self, experiment: Experiment | Recording) -> Prediction:
-        """Simulate an experiment from rest and predict the standard deviation of each reading.
+        """Simulate an experiment from rest, and predict mean and standard deviation of each reading.
 
         Parameters
         ----------
         experiment : Experiment or Recording
-            Experiment to simulate; only its commands are used. A single recording starts from rest.
+            Experiment to simulate; only its commands are used.
 
         Raises
         ------
         DataError
-            Same as for `Plant.simulate`.
+            In the same cases as `Plant.simulate`.
         """
         plant = self.plant
         timeline = plant.timeline(experiment_for(plant.rig, experiment))

@@ -32,7 +32,7 @@ from deatwin.plant.errors import DataError
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuringChain:
-    """Drive and sensor hardware of a rig; by default that of W. R. Jacobs' thesis, as far as it is known.
+    """Drive and sensor hardware of a rig; by default, the hardware of W. R. Jacobs' thesis as far as it is known.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ class MeasuringChain:
     Examples
     --------
     >>> chain = MeasuringChain()
-    >>> print(f"{chain.noise * 1e6:.2f} µm, of which {chain.reading_step * 1e6:.2f} µm steps")
-    0.61 µm, of which 1.22 µm steps
+    >>> print(f"noise {chain.noise * 1e6:.2f} µm rms, steps of {chain.reading_step * 1e6:.2f} µm")
+    noise 0.61 µm rms, steps of 1.22 µm
     """
 
     analogue_output: Converter = NI_9264
@@ -69,28 +69,29 @@ class MeasuringChain:
 
     @property
     def command_limit(self) -> float:
-        """Largest magnitude of the command for which output and amplifier are rated, V."""
+        """Largest magnitude of the command for which analogue output and amplifier are rated, V."""
         return min(self.analogue_output.limit, self.amplifier.input_full_scale)
 
     @property
     def reading_step(self) -> float:
-        """Displacement of one input code, m."""
+        """Displacement that corresponds to one code of the analogue input, m."""
         return self.analogue_input.step * self.laser.metres_per_volt
 
     @property
     def noise(self) -> float:
         """Standard deviation of the noise that `record` adds to readings, m.
 
-        The variance is the sum of the laser's noise, the input's noise, and a twelfth of the square of each
-        quantisation step. The twelfth holds for motion over many steps (B. Widrow and I. Kollár, "Quantization
-        Noise", Cambridge University Press, 2008); at rest the rounding error is constant.
+        The variance is the sum of the variances of the laser's noise, of the analogue input's noise, and of both
+        rounding errors. Each rounding error has a twelfth of the squared step as its variance (B. Widrow and I. Kollár,
+        "Quantization Noise", Cambridge University Press, 2008). This holds for motion over many steps; at rest, the
+        rounding error is constant.
         """
         laser, volts = self.laser, self.analogue_input
         in_volts = volts.noise**2 + volts.step**2 / 12.0
         return math.sqrt(laser.noise**2 + laser.resolution**2 / 12.0 + in_volts * laser.metres_per_volt**2)
 
     def applied(self, commands: ArrayLike) -> NDArray[np.float64]:
-        """Return the commands that reach the amplifier, rounded to the codes of the output.
+        """Return the commands that reach the amplifier, rounded to the codes of the analogue output.
 
         Parameters
         ----------
@@ -100,12 +101,12 @@ class MeasuringChain:
         Returns
         -------
         array
-            Nearest codes, V, of the same shape; each is held until the next.
+            Voltages of the nearest codes, V, of the same shape.
 
         Raises
         ------
         DataError
-            If a command exceeds the rating of output or amplifier, or is not a number.
+            If a command exceeds the rating of analogue output or amplifier, or is not a number.
         """
         wished = np.asarray(commands, dtype=np.float64)
         beyond = ~(np.abs(wished) <= self.command_limit)
@@ -118,21 +119,21 @@ class MeasuringChain:
         return self.analogue_output.convert(wished)
 
     def record(self, readings: ArrayLike, rng: np.random.Generator, *, sample_time: float) -> NDArray[np.float64]:
-        """Apply lag, range, noise and rounding of laser and input to noise-free readings.
+        """Apply lag, range, noise and rounding of laser and analogue input to noise-free readings.
 
         Parameters
         ----------
         readings : (..., n) array_like
             Displacement from the laser's reference distance at each of n samples, m.
         rng : numpy.random.Generator
-            Random generator for the noise of laser and input.
+            Random generator for the noise of laser and analogue input.
         sample_time : float
             Time between two samples, s.
 
         Returns
         -------
         (..., n) array
-            Recorded readings, m. Displacements beyond the range of laser or input are clipped; NaN stays NaN.
+            Recorded readings, m. Displacements beyond the range of laser or analogue input are clipped; NaN stays NaN.
 
         Raises
         ------
@@ -141,8 +142,9 @@ class MeasuringChain:
 
         Notes
         -----
-        The lag interpolates linearly between samples, and holds the first reading before the first sample. For a sine
-        of 1 Hz, at 50 Hz and 1.6 ms, the error is at most 0.06 % of the amplitude.
+        The lag is applied by linear interpolation between samples. Before the first sample, the reading is taken as
+        constant. For a sine of 1 Hz, sampled at 50 Hz with a lag of 1.6 ms, the interpolation error is at most 0.06 %
+        of the amplitude.
         """
         require_generator(rng)
         given = np.asarray(readings, dtype=np.float64)

@@ -76,7 +76,7 @@ class Converter(Part):
     bits : int
         Number of bits of the codes, which run from ``-2**(bits - 1)`` to ``2**(bits - 1) - 1``.
     full_scale : float
-        Largest voltage of the codes, V; the codes span ``-full_scale`` to ``full_scale``.
+        Voltage at the ends of the range, V: the codes span ``-full_scale`` to ``full_scale``.
     limit : float
         Largest rated magnitude of the voltage, V.
     noise : float
@@ -97,26 +97,26 @@ class Converter(Part):
 
     @property
     def step(self) -> float:
-        """Voltage of one code, V."""
+        """Voltage between successive codes, V."""
         return self.full_scale * 2.0 ** (1 - self.bits)
 
     def convert(self, volts: ArrayLike) -> NDArray[np.float64]:
-        """Return `volts` rounded to codes, and clipped to the first and the last code."""
+        """Return `volts` rounded to the nearest code, and clipped to the first and the last code."""
         return np.clip(quantise(volts, self.step), -self.full_scale, self.full_scale - self.step)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Amplifier(Part):
-    """High-voltage amplifier, described by a gain and limits, as in W. R. Jacobs' thesis.
+    """High-voltage amplifier, described by its full scale at input and output.
 
     Parameters
     ----------
     name, source, unconfirmed
         Name and origin; see `Part`.
     input_full_scale : float
-        Command that gives full output, V.
+        Command that gives the largest output voltage, V.
     output_full_scale : float
-        Full output, V.
+        Largest output voltage, V.
     """
 
     input_full_scale: float
@@ -144,18 +144,17 @@ class Laser(Part):
     name, source, unconfirmed
         Name and origin; see `Part`.
     reach : float
-        Largest measurable displacement from the reference distance, to either side, m. The analogue output is then
-        `output_full_scale`.
+        Largest measurable displacement to either side of the reference distance, m.
     output_full_scale : float
-        Largest output voltage, V.
+        Output voltage at this displacement, V.
     noise : float
-        Standard deviation of the noise, m. Prefer a value measured on the rig: a data sheet states repeatability after
-        averaging, which sampling at 50 Hz does not allow.
+        Standard deviation of the noise, m. Prefer a value measured on the rig: a data sheet states the repeatability
+        after long averaging, which sampling at 50 Hz does not allow.
     resolution : float
         Quantisation step of the digital value, m.
     linearity : float
-        Largest deviation from a straight line, as a share of the whole range (twice the reach). It is not noise: over
-        the millimetre that a ball moves, it acts as a gain error and a slight curvature.
+        Largest deviation from a straight line, as a share of the whole range (twice the reach). Over a motion of a
+        millimetre, this deviation is not noise but a gain error and a slight curvature.
     scan_time : float
         Duration of one exposure, s.
     averages : int
@@ -182,7 +181,7 @@ class Laser(Part):
 
     @property
     def lag(self) -> float:
-        """Age of a value when it is output, s: the time since the middle of the averaged exposures."""
+        """Age of a value when it is output, in s: time since the middle of the exposures that were averaged."""
         return 0.5 * self.averages * self.scan_time
 
     @property

@@ -20,12 +20,17 @@ _PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # Edges of the filter, rela
 def decimate(recording: Recording, factor: int, *, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> Recording:
     """Apply a zero-phase low-pass filter to all signals, then keep every ``factor``-th sample.
 
-    If inputs and outputs pass the same filter, a linear model of them stays valid; a nonlinear model does only if the
-    filter removes little power (see `removed_share`). Each new sample covers ``factor`` old samples. The new input is
-    the filtered command in the middle of that time; the new reading is taken at the end (or the start) of that time, as
-    in the old recording. A model of the new samples thus has the phase of the system with a held input, and the gain of
-    that system to within ``(omega T)^2 / 24``, where T is the new sampling time. About nine new samples at each end are
-    dropped, because the filter would reach beyond the record. The times of the remaining samples do not change.
+    A linear model stays valid, because inputs and outputs pass the same filter. A nonlinear model stays valid only if
+    the filter removes little power (see `removed_share`).
+
+    Each new sample covers ``factor`` old samples. The new input is the filtered command in the middle of the new
+    sample. The new reading is the filtered reading at the end of the new sample, or at the start for
+    ``START_OF_HOLD``. A model of the new samples therefore has the phase of the system with a held input. At the
+    angular frequency omega, the relative gain error of the model is at most ``(omega T)^2 / 24``, where T is the new
+    sample time.
+
+    About nine new samples at each end are dropped, because the filter would extend beyond the recording. The times of
+    the remaining samples do not change.
 
     Parameters
     ----------
@@ -34,20 +39,20 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     factor : int
         Number of old samples per new sample, at least 1.
     reading : ReadingTime
-        Time within a sample at which the reading is taken. With ``MEAN_OVER_HOLD``, each new sample is the mean of
-        ``factor`` old ones in all signals. This is exact, needs no filter, and drops only the old samples at the end
-        that are too few for a new one.
+        Time within a sample at which the reading is taken. With ``MEAN_OVER_HOLD``, no filter is used: each new sample
+        of every signal is the mean of ``factor`` old samples. Only old samples at the end that do not fill a new one
+        are then dropped.
 
     Returns
     -------
     Recording
-        Recording with ``factor`` times the sample time; its provenance states the factor.
+        Recording with ``factor`` times the sample time; the provenance states the factor.
 
     Raises
     ------
     DataError
-        If the factor is not a positive integer, the reading is no `ReadingTime`, or the recording is shorter than the
-        filter.
+        If `factor` is not a positive integer, `reading` is not a `ReadingTime`, the recording is shorter than the
+        filter, or a channel to be filtered has missing values.
     """
     require_reading_time(reading, DataError)
     _require_factor(factor, 1)
@@ -123,7 +128,8 @@ def _averaged(recording: Recording, factor: int) -> Recording:
 def removed_share(recording: Recording, factor: int) -> dict[str, float]:
     """Return the share of each signal's variance that `decimate` removes.
 
-    A nonlinear system still responds to the removed part of its input, which the decimated record no longer shows.
+    A nonlinear system responds to the removed part of its input, too, but the decimated recording does not show this
+    part.
 
     Parameters
     ----------
@@ -135,12 +141,12 @@ def removed_share(recording: Recording, factor: int) -> dict[str, float]:
     Returns
     -------
     dict
-        Share of the variance by signal name, 0 to 1; 0 for a constant signal.
+        Removed share of the variance of each signal, by the signal's name; 0 for a constant signal.
 
     Raises
     ------
     DataError
-        If the factor is not an integer of at least 2, or the recording is too short for it.
+        If `factor` is not an integer of at least 2, or the recording is shorter than the filter.
     """
     _require_factor(factor, 2)
     low_pass = _low_pass(factor, 0)

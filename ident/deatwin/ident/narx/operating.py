@@ -19,11 +19,13 @@ class OperatingRange:
     Parameters
     ----------
     input_min, input_max : ndarray, shape (n_inputs,)
-        Smallest and largest value of the training inputs, in the inputs' units.
+        Smallest and largest value of each input, in its unit.
     input_centre : ndarray, shape (n_inputs,)
-        Operating input: mean of the training inputs, or 0 after the operating point was removed.
-    output_min, output_max, output_centre : ndarray, shape (n_outputs,)
-        Smallest, largest and operating value of the training outputs, in the outputs' units.
+        Mean of each input, in its unit; 0 if the model's signals are deviations from an operating point.
+    output_min, output_max : ndarray, shape (n_outputs,)
+        Smallest and largest value of each output, in its unit.
+    output_centre : ndarray, shape (n_outputs,)
+        Mean of each output, in its unit; 0 if the model's signals are deviations from an operating point.
     """
 
     input_min: Array
@@ -38,7 +40,7 @@ class OperatingRange:
             object.__setattr__(self, item.name, read_only(np.atleast_1d(getattr(self, item.name))))
 
     def shifted(self, operating_input: Array, operating_output: Array) -> OperatingRange:
-        """Return the range about a new centre, `operating_input` (n_inputs,) and `operating_output` (1,)."""
+        """Return the range of the deviations from `operating_input` (n_inputs,) and `operating_output` (1,)."""
         return OperatingRange(
             input_min=self.input_min - operating_input,
             input_max=self.input_max - operating_input,

@@ -31,9 +31,10 @@ class ThetaDraws:
 class ThetaPosterior:
     """Posterior of a model's parameters: Student-t, or normal if the model's degrees of freedom are infinite.
 
-    The posterior is the marginal distribution of the parameters theta for ``theta | tau ~ N(mean, V/tau)`` and the
-    noise precision ``tau ~ Gam(a, b)``; it has 2a degrees of freedom. A model stores ``V b/(a - 1)`` as covariance and
-    ``b/(a - 1)`` as noise variance. Each equation has its own tau.
+    The noise precision tau, the inverse of the noise variance, has the distribution ``Gam(a, b)`` with shape a and rate
+    b. Given tau, the parameters theta have the distribution ``N(mean, V/tau)``. Their marginal distribution is
+    therefore Student-t with 2a degrees of freedom and covariance ``V b/(a - 1)``, which is the model's ``theta_cov``.
+    The model's ``noise_variance`` is ``b/(a - 1)``. If there are several outputs, the equation of each has its own tau.
 
     Parameters
     ----------
@@ -45,18 +46,21 @@ class ThetaPosterior:
 
     @property
     def scale(self) -> Array:
-        """Scale of each parameter's distribution, shape (n_terms,); the standard deviation if it is normal."""
+        """Scale of each parameter's Student-t distribution, shape (n_terms,), in the parameter's unit.
+
+        For a normal posterior, it is the standard deviation.
+        """
         dof = self.model.theta_dof
         shrink = 1.0 if math.isinf(dof) else (dof - 2) / dof
         return np.asarray(np.sqrt(shrink * np.diag(self.model.theta_cov)))
 
     def interval(self, level: float = 0.95) -> Array:
-        """Return the central interval of each parameter.
+        """Return a central credible interval for each parameter.
 
         Parameters
         ----------
         level : float
-            Probability of the interval, between 0 and 1.
+            Probability that the interval contains the parameter, between 0 and 1.
 
         Returns
         -------
@@ -66,13 +70,13 @@ class ThetaPosterior:
         Raises
         ------
         ModelError
-            If the level lies outside 0 to 1.
+            If `level` does not lie between 0 and 1.
         """
         half = quantile(level, self.model.theta_dof) * self.scale
         return np.column_stack([self.model.theta - half, self.model.theta + half])
 
     def sample(self, rng: np.random.Generator, n_draws: int) -> ThetaDraws:
-        """Draw parameters and noise variances jointly from the posterior, `n_draws` of them by the generator `rng`."""
+        """Draw `n_draws` joint samples of parameters and noise variances with the random generator `rng`."""
         require_generator(rng)
         model = self.model
         # (1/tau) / E[1/tau]: inverse gamma of mean 1
@@ -88,15 +92,15 @@ class ThetaPosterior:
         )
 
     def to_arviz(self, rng: np.random.Generator, **options: Any) -> Any:
-        """Return draws as ArviZ data; needs the extra ``bayes``.
+        """Return posterior draws as ArviZ data; needs the extra ``bayes``.
 
         Parameters
         ----------
         rng : numpy.random.Generator
             Random generator for the draws.
         **options
-            ``recording``, whose one-step predictions are added; ``n_chains``, 4 by default; and ``n_draws`` for each
-            chain, 500 by default.
+            ``recording``: recording whose one-step predictions and log-likelihood are added; none by default.
+            ``n_chains``: number of chains, 4 by default. ``n_draws``: number of draws in each chain, 500 by default.
 
         Returns
         -------

@@ -48,28 +48,29 @@ class BandStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictiveBand(Described):
-    """Interval for each sample that contains a new measurement with a given probability.
+    """Predictive band: at each time, an interval that contains a new measurement with a given probability.
 
     Parameters
     ----------
     outputs : ndarray, shape (n_outputs, n)
         Centre of the band, in the recording's units: the mean of the one-step prediction, or the median of the free
-        runs. Samples before ``first`` are measured outputs.
+        runs. The samples before ``first`` are initial values, not predictions.
     lower, upper : ndarray, shape (n_outputs, n)
         Lower and upper end of the band, in the recording's units.
     level : float
-        Probability with which the interval of a single sample contains a new measurement.
+        Probability that the interval at any one time contains a new measurement.
     measured : ndarray, shape (n_outputs, n)
         Measured outputs, in the recording's units.
     timepts : ndarray, shape (n,)
         Times of the samples on the recording's clock in s.
     first : int
-        Index of the first computed sample.
+        Index of the first predicted sample.
     units : tuple of str
         Unit of each output.
-    draws, diverged : int
-        Number of free runs with parameters drawn from the posterior, and number of these runs that diverged; both are 0
-        for a one-step prediction.
+    draws : int
+        Number of free runs, each with parameters drawn from the posterior; 0 for a one-step prediction.
+    diverged : int
+        Number of free runs that diverged and were left out of the band.
     """
 
     outputs: Array = field(metadata=variable("output", "time", name="middle", unit=one_unit))
@@ -89,17 +90,17 @@ class PredictiveBand(Described):
 
     @property
     def status(self) -> BandStatus:
-        """Outcome, which states whether draws diverged and were left out of the band."""
+        """``DIVERGED`` if free runs diverged and were left out of the band, otherwise ``OK``."""
         return BandStatus.DIVERGED if self.diverged else BandStatus.OK
 
     @property
     def coverage(self) -> Array:
-        """Share of the measured samples that lie in the band, shape (n_outputs,)."""
+        """Share of the measured outputs from sample ``first`` on that lie in the band, shape (n_outputs,)."""
         inside = (self.lower <= self.measured) & (self.measured <= self.upper)
         return np.asarray(inside[:, self.first :].mean(axis=1), dtype=np.float64)
 
     def plot(self, ax: Axes | None = None, *, output: int = 0) -> Axes:
-        """Draw the band of one `output` over time, with its centre and the measurement, on `ax` or new axes."""
+        """Draw the band, its centre and the measurement of the output with index `output`, on `ax` or new axes."""
         axes = axes_or_new(ax)
         axes.fill_between(
             self.timepts,
@@ -120,12 +121,13 @@ class PredictiveBand(Described):
 
 
 def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95) -> PredictiveBand:
-    """Return the predictive band of the next measurement, given the measured past.
+    """Return the predictive band of the one-step prediction.
 
-    For a model without noise terms, the band is exact. With the regressors phi of the next sample and the posterior
-    ``theta | tau ~ N(mean, V/tau)``, ``tau ~ Gam(a, b)`` of parameters and noise precision, the next output has a
-    Student-t distribution with the mean phi'mean, the squared scale b/a (1 + phi'V phi) and 2a degrees of freedom. For
-    a model with noise terms, the noise in phi is estimated by the one-step errors of the model with mean parameters.
+    The posterior is ``theta | tau ~ N(mean, V/tau)``, ``tau ~ Gam(a, b)``, with the parameters theta and the noise
+    precision tau. With the regressors phi, each output then has a Student-t distribution with 2a degrees of freedom,
+    mean ``phi'mean`` and squared scale ``b/a (1 + phi'V phi)``. The band is exact for a model without noise terms. For
+    a model with noise terms, the past noise in phi is estimated by the one-step errors of the model with the mean
+    parameters.
 
     Parameters
     ----------
@@ -134,12 +136,12 @@ def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95
     recording : Recording
         Measured inputs and outputs, in the model's units.
     level : float
-        Probability of the band, between 0 and 1.
+        Probability that the band at any one time contains the measurement, between 0 and 1.
 
     Raises
     ------
     ModelError
-        If the recording does not suit the model, or the level lies outside 0 to 1.
+        If the recording does not suit the model, or `level` does not lie between 0 and 1.
     """
     half_width = quantile(level, require_model(model).theta_dof)
     response = model.predict(recording)
@@ -164,12 +166,13 @@ def free_run_band(
     level: float = 0.95,
     output_noise: ArrayLike | None = None,
 ) -> PredictiveBand:
-    """Return the predictive band of new measurements in a free run that starts from the first measured samples.
+    """Return the predictive band of new measurements in free run.
 
-    Parameters and noise variance are drawn from the posterior once for each run, and noise is drawn at each sample. By
-    default the noise enters the model's equation and so propagates through past outputs. In a model that was fitted to
-    the smallest free-run error (`Grow`, `refine`), the noise is on the readings instead; then give its standard
-    deviation as `output_noise`. The ends of the band are quantiles of the runs.
+    The band consists of quantiles over many free runs. Each run has one draw of the parameters and the noise variance
+    from the posterior, and new noise at each sample. By default, the noise enters the model's equation and therefore
+    propagates through the past outputs. A model that was fitted to the smallest free-run error (`Grow`, `refine`)
+    assumes noise on the readings instead. For such a model, give the standard deviation of that noise as
+    `output_noise`.
 
     Parameters
     ----------
@@ -182,10 +185,10 @@ def free_run_band(
     n_draws : int
         Number of runs.
     level : float
-        Probability of the band, between 0 and 1.
+        Probability that the band at any one time contains a new measurement, between 0 and 1.
     output_noise : float or array_like of shape (n_outputs,), optional
-        Standard deviation of the noise on the readings, in the outputs' units, in place of noise in the equation; for
-        `Grow` and `refine` the free-run error on the training data, ``model.simulate(training).rms_error``.
+        Standard deviation of noise on the readings, in the outputs' units, which replaces the noise in the equation.
+        After `Grow` or `refine`, use the free-run error on the training data, ``model.simulate(training).rms_error``.
 
     Returns
     -------
@@ -195,8 +198,8 @@ def free_run_band(
     Raises
     ------
     ModelError
-        If the recording does not suit the model, the level lies outside 0 to 1, the noise is negative, there are fewer
-        than 2 draws, or all of them diverge.
+        If all runs diverge, `n_draws` is below 2, the recording does not suit the model, `level` does not lie between 0
+        and 1, or `output_noise` is negative.
     """
     require_generator(rng)
     require_model(model)

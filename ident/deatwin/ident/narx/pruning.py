@@ -31,14 +31,14 @@ class PruningStep(Described):
     terms : tuple of Term
         The terms fitted in this step.
     indices : ndarray of int, shape (n_terms,)
-        Positions of these terms among the candidates.
+        Positions of these terms among the candidates, from 0.
     relevance : ndarray, shape (n_terms,)
-        Relevance 1 / E[alpha] of each term, where alpha is the prior precision of its parameter, for regressors with a
-        root mean square of about 1.
+        Relevance of each term: 1 / E[alpha], where alpha is the prior precision of the term's parameter. All regressors
+        are scaled to a root mean square of about 1.
     threshold : float
         Terms whose relevance does not exceed this threshold are pruned next.
     bounds : tuple of float
-        Variational lower bound after each update, nats.
+        Variational lower bound of the log evidence after each update, in nats.
     """
 
     terms: tuple[Term, ...]
@@ -57,7 +57,7 @@ class PruningStep(Described):
 
     @property
     def lower_bound(self) -> float:
-        """Converged lower bound in nats."""
+        """Lower bound of the log evidence after the last update, in nats."""
         return self.bounds[-1]
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -31,38 +31,37 @@ _USUAL_STEPS = 40  # usual number of evaluations of a search, for its progress
 class ThetaSmoother(VaryingParameters):
     """Estimator of time-varying parameters that follow random walks: Kalman filter and fixed-interval smoother.
 
-    The model is theta(k+1) = theta(k) + w(k), y(k) = phi(k)'theta(k) + e(k), with the parameters theta, the regressors
-    phi and the output y. The variances of the white noises w and e are estimated unless given. The filter starts at the
-    least squares estimate, with so large a covariance that the start has only the weight of 1e-4 samples. The random
-    walk continues over a gap between recordings.
+    The model is ``theta(k+1) = theta(k) + w(k)``, ``y(k) = phi(k)'theta(k) + e(k)``, with the parameters theta, the
+    regressors phi, the output y and white noises w and e. The variances of w and e are estimated unless given. The
+    filter starts at the least squares estimate, which has only the weight of 1e-4 samples. The random walk continues
+    over a gap between recordings.
 
     Parameters
     ----------
     terms : NarxModel, sequence of Term or str, or mapping of str to such sequences
-        Fixed structure: a model with its terms, or terms as ``["y(k-1)", "u(k-1)^2"]``; for several outputs the terms
-        of each equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
+        Fixed structure: a model, whose terms are used, or terms such as ``["y(k-1)", "u(k-1)^2"]``. For several
+        outputs, give the terms of each equation: ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
     drift : str
-        Drift variances: "each" gives every parameter its own; "common" uses one for all, scaled by the rms that each
-        term contributes to the output.
+        Model of the variance of w. "each" estimates one variance for each parameter. "common" estimates a single
+        variance, for regressors scaled to a root mean square of 1.
     variances : str
-        Estimator of the variances. "likelihood" maximises the likelihood; a weak drift is then often estimated as zero,
-        and the bands, which treat the variances as known, are too narrow (with one strong and two weak walks over 600
-        samples, bands for 95 % had a coverage of 88 %). "posterior" multiplies the likelihood by the standard deviation
-        of each walk [2]_, which gives the mode of the posterior of the logarithms under a flat prior on the standard
-        deviations: no estimate is zero, and the bands have 95 % coverage (more for constant parameters).
+        Estimator of the variances. "likelihood" maximises the likelihood. A weak drift is then often estimated as zero,
+        and the bands, which treat the variances as known, are too narrow: with one strong and two weak random walks
+        over 600 samples, 95 % bands had a coverage of 88 %. "posterior" multiplies the likelihood by the standard
+        deviation of each random walk [2]_. No drift is then estimated as zero, and 95 % bands have a coverage of 95 %
+        (more for constant parameters).
     noise_variance : float, optional
-        Variance of e in the squared unit of the output; estimated if omitted.
+        Variance of e in the squared unit of the output. Give both this and ``drift_variance``, or neither.
     drift_variance : array_like, shape (n_terms,), optional
-        Variance that each parameter gains in one sample interval, in its squared unit; only together with
-        ``noise_variance`` and for one output.
+        Variance of w for each parameter, in the parameter's squared unit; for one output only.
 
     Attributes
     ----------
     trajectory_ : ThetaTrajectory
-        Smoothed theta(t), given the whole record; its bands treat the variances as known.
+        Smoothed parameters: the estimate at each time uses all samples. The bands treat the variances as known.
     filtered_ : ThetaTrajectory
-        Filtered theta(t), given the samples up to t; with several outputs, it belongs to each estimator in
-        ``equations_``.
+        Filtered parameters: the estimate at each time uses the samples up to that time. With several outputs, each
+        estimator in ``equations_`` has this attribute instead.
     model_ : NarxModel
         Model at the last sample.
 

@@ -80,26 +80,25 @@ class VaryingParameters(NarxIdentifier):
 class Rls(VaryingParameters):
     """Estimator of time-varying parameters by recursive least squares with exponential forgetting.
 
-    At each sample k, the parameters theta minimise the sum over i of
-    ``forgetting**(k - i) * (y(i) - phi(i)'theta)**2``, with the output y and the regressors phi. The recursion starts
-    from the least squares solution of the shortest initial part of the record in which the regressors are linearly
-    independent, and is therefore exact: without forgetting it ends at the least squares estimate of the whole record.
-    Nothing is forgotten over a gap between recordings.
+    At each sample k, the parameters theta minimise the sum of ``forgetting**(k - i) * (y(i) - phi(i)'theta)**2`` over
+    all samples i up to k, with the output y and the regressors phi. The recursion starts from the least squares
+    solution of a short initial part of the data, in which the regressors are linearly independent. The recursion is
+    therefore exact: without forgetting, it ends at the least squares estimate of all data. Nothing is forgotten over a
+    gap between recordings.
 
     Parameters
     ----------
     terms : NarxModel, sequence of Term or str, or mapping of str to such sequences
-        Fixed structure: a model with its terms, or terms as ``["y(k-1)", "u(k-1)^2"]``; for several outputs the terms
-        of each equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
+        Fixed structure: a model, whose terms are used, or terms such as ``["y(k-1)", "u(k-1)^2"]``. For several
+        outputs, give the terms of each equation: ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
     forgetting : float
         Forgetting factor in (0, 1]; the memory is 1 / (1 - forgetting) samples.
 
     Attributes
     ----------
     trajectory_ : ThetaTrajectory
-        Estimates theta(t) from the end of that initial part on, with the covariance ``noise_variance`` times the
-        inverse of the weighted sum of phi phi'. With forgetting, this covariance reflects the samples in memory and
-        assumes no model of the drift.
+        Estimates from the end of the initial part on. Their covariance is the noise variance times the inverse of the
+        weighted sum of ``phi phi'``. With forgetting, this covariance does not include the drift of the parameters.
     model_ : NarxModel
         Model at the last sample.
 

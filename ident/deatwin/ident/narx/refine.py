@@ -38,11 +38,11 @@ def refine(
     max_steps: int = _STEPS,
     progress: Progress | None = None,
 ) -> NarxModel:
-    """Return the model with the same terms and the parameters of smallest free-run error.
+    """Return the model with the same terms and the parameters that minimise the free-run error.
 
-    If the noise is on the readings and not in the dynamics, least squares on the one-step error is biased, and least
-    squares on the free-run error is the maximum-likelihood estimate (output error). The search starts from the model's
-    parameters and never ends at worse parameters; on Ctrl-C it keeps the best parameters so far.
+    If the noise is on the readings and not in the dynamics, least squares on the one-step error is biased. Least
+    squares on the free-run error is then the maximum-likelihood estimate (output error). The search starts from the
+    model's parameters and returns the best ones that it found, even if it is stopped by Ctrl-C.
 
     Parameters
     ----------
@@ -60,9 +60,10 @@ def refine(
     Returns
     -------
     NarxModel
-        Refined model. ``theta_cov`` is ``sigma^2 (S'S)^-1``, with the sensitivities S and the variance sigma^2 of the
-        free-run error, which is valid if that error is white; ``noise_variance`` is the variance of the one-step error,
-        as in every model. If the search ended before the gradient was small, the model's provenance says so.
+        Refined model. ``theta_cov`` is ``sigma^2 (S'S)^-1``, where S holds the derivatives of the free run with respect
+        to the parameters, and sigma^2 is the variance of the free-run error. It is valid if that error is white.
+        ``noise_variance`` is the variance of the one-step error, as in every model. If the search ended before the
+        gradient was small, the model's provenance says so.
 
     Raises
     ------

@@ -32,17 +32,18 @@ class Reliance:
     status : ValidationStatus or None
         Joint result of the residual tests; None if the held-out data were too short for them.
     failed : tuple of str
-        Names of the tests that failed, such as ``ue``.
+        Names of the residual tests that failed, such as ``ue``; see `Validation.test`.
     gain_error : float or None
-        Relative error of the free run's gain, positive if the measured gain is larger; None if unknown.
+        Slope of the measured output over the free run, minus 1; positive if the measured output varies more. None if
+        unknown.
     gain_error_half_width : float or None
-        Half width of the 95 % interval of the gain error; None if unknown.
+        Half width of the 95 % interval of ``gain_error``; None if unknown.
     samples_per_parameter : float or None
-        Training samples for each effective parameter of the model; None if unknown. Terms chosen among many candidates
-        count for more than one parameter each.
+        Number of training samples per effective parameter of the model; None if unknown. A term that was chosen among
+        many candidates counts as more than one parameter.
     fit : float or None
-        Fit of the free run to the held-out data in percent: 100 is perfect, and a constant at the mean of the data
-        gives 0; None if unknown.
+        Fit of the free run to the held-out data in percent: 100 for a perfect model, 0 for a constant at the mean of
+        the data. None if unknown.
     """
 
     status: ValidationStatus | None
@@ -54,7 +55,7 @@ class Reliance:
 
     @classmethod
     def of(cls, model: NarxModel, validation: Validation | None) -> Self:
-        """Return the assessment in a `model` of one output and its `validation`, None if held-out data were too few."""
+        """Return the assessment of a `model` with one output; `validation` is None for too few held-out data."""
         share = samples_per_parameter(model)
         if validation is None:
             return cls(status=None, samples_per_parameter=share)
@@ -107,7 +108,7 @@ class Reliance:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Caveats that the residual tests do not reveal: too few training samples, and a useless free run."""
+        """Caveats besides the residual tests and the gain error: a useless free run, and too few training samples."""
         useless = (
             "the model predicts nothing: on held-out data, its free run is no better than the mean of the readings"
             if self.fit is not None and self.fit <= 0.0
@@ -117,7 +118,7 @@ class Reliance:
 
     @property
     def scarcity(self) -> str:
-        """Warning that there were too few training samples, without a final full stop; empty if enough or unknown."""
+        """Warning that there were too few training samples, without a final full stop; otherwise empty."""
         if self.samples_per_parameter is None or self.samples_per_parameter >= _ENOUGH:
             return ""
         return (
@@ -128,7 +129,7 @@ class Reliance:
 
     @property
     def provenance(self) -> dict[str, str]:
-        """Entries for the provenance of a `NarxModel`."""
+        """The assessment as entries for the provenance of a `NarxModel`."""
         kept = {STATUS_KEY: _UNTESTED if self.status is None else self.status.name.lower()}
         if self.failed:
             kept[FAILED_KEY] = "; ".join(self.failed)
@@ -142,7 +143,7 @@ class Reliance:
 
     @classmethod
     def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
-        """Read the assessment from a model's `provenance`, or None; ModelError if it cannot be read."""
+        """Read the assessment from a model's `provenance`; None if there is none, ModelError if it is invalid."""
         if (written := provenance.get(STATUS_KEY)) is None:
             return None
         try:
@@ -184,7 +185,7 @@ def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Relian
     Returns
     -------
     Reliance
-        Assessment; its status is None if the recordings are too short for the tests.
+        Assessment; the status is None if the recordings are too short for the residual tests.
 
     Raises
     ------

@@ -38,7 +38,7 @@ class Residual:
     Parameters
     ----------
     rms : float
-        Root mean square without the sensor's white noise, in the output's unit.
+        Root mean square of the residual without the sensor's white noise, in the output's unit.
     correlation_time : float
         Time after which the autocorrelation has fallen to 1/e, in s.
 
@@ -87,13 +87,20 @@ class Residual:
 
     @property
     def provenance(self) -> dict[str, str]:
-        """Entries for the provenance of a `NarxModel`."""
+        """Rms and correlation time as entries for the provenance of a `NarxModel`."""
         return {RMS_KEY: f"{self.rms:.6g}", TIME_KEY: f"{self.correlation_time:.6g}"}
 
     @classmethod
     def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
-        """Read the residual from a model's `provenance`, or None; ModelError if an entry is no such number, and
-        DivergedError if it states that the model's free run diverged."""
+        """Read the residual from a model's `provenance`; None if there is none.
+
+        Raises
+        ------
+        DivergedError
+            If the provenance states that the model's free run diverged; a subclass of ModelError.
+        ModelError
+            If an entry is not a valid number.
+        """
         if DIVERGED.items() <= provenance.items():
             raise DivergedError("the model's free run fails on the recording from which it was identified: it diverged")
         rms, time = number_of(provenance, RMS_KEY), number_of(provenance, TIME_KEY)
@@ -117,8 +124,8 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
 
     Notes
     -----
-    An oscillating residual is treated as a slowly varying process with the rms and correlation time of its envelope. This
-    overestimates the uncertainty of a control loop rather than underestimating it.
+    An oscillating residual is treated as a slowly varying process with the rms and correlation time of its envelope.
+    This overestimates the uncertainty of a control loop rather than underestimating it.
     """
     require_model(model)
     run = model.simulate(recording)

@@ -49,27 +49,27 @@ _QUANTILE = 1.959963984540054  # 97.5 % quantile of the normal law
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CorrelationTest:
-    """Normalised correlation of the residual, which differs from zero only by chance if the model is adequate.
+    """Test whether a correlation of the residual differs from zero by more than chance.
 
     Parameters
     ----------
     name : str
-        Name of the test, such as "ue"; `Validation.test` lists them.
+        Name of the test, such as "ue"; `Validation.test` lists the names.
     output : int
         Row index of the output whose residual e is tested.
     other : int or None
-        Row index of the input u or of the other output; None for tests of the residual e alone.
+        Row index of the input u, or of the other output in test "ee'"; None in test "ee".
     lags : ndarray of int, shape (n_lags,)
         Tested lags tau in samples.
     values : ndarray, shape (n_lags,)
-        Correlation at each lag, between -1 and 1.
+        Normalised correlation at each lag, between -1 and 1.
     n_samples : int
         Number of residuals.
     p_value : float
-        Probability of correlations at least as large if the model is adequate: twice the smaller of the p-values of the
-        sum of squares and of the largest correlation.
+        Probability of correlations at least as large if the model is adequate. It is twice the smaller p-value of two
+        statistics: the sum of the squared correlations, and the largest correlation.
     level : float
-        Significance level; the test fails if ``p_value`` is below it.
+        Significance level; the test fails if ``p_value`` is below ``level``.
     """
 
     name: str
@@ -91,12 +91,12 @@ class CorrelationTest:
 
     @property
     def passed(self) -> bool:
-        """True if the correlations are consistent with chance."""
+        """True if ``p_value`` is at least ``level``."""
         return self.p_value >= self.level
 
     @property
     def share_outside(self) -> float:
-        """Share of the lags outside the band; 0.05 is expected."""
+        """Share of the lags at which the correlation lies outside the band; 0.05 is expected by chance."""
         return float(np.mean(np.abs(self.values) > self.band))
 
     @property

@@ -47,7 +47,7 @@ class ResponseStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """True if every sample was computed."""
+        """True if nothing diverged."""
         return self is ResponseStatus.OK
 
 
@@ -58,7 +58,7 @@ class NarxResponse(Described):
     Parameters
     ----------
     outputs : ndarray, shape (n_outputs, n)
-        Model outputs in the recording's units, always finite; the samples before ``first`` are the measured ones.
+        Model outputs in the recording's units, always finite. Before ``first``, they are the measured outputs.
     measured : ndarray, shape (n_outputs, n)
         Measured outputs, in the recording's units.
     timepts : ndarray, shape (n,)
@@ -68,8 +68,8 @@ class NarxResponse(Described):
     status : ResponseStatus
         Outcome of the run.
     failed_at_s : float or None
-        Time of the first sample at which the free run, or a prediction several steps ahead, diverged, s; None if none
-        diverged.
+        Time in s of the first sample at which the free run or a prediction several steps ahead diverged; None if
+        nothing diverged.
     units : tuple of str
         Unit of each output.
     """
@@ -84,12 +84,12 @@ class NarxResponse(Described):
 
     @property
     def residuals(self) -> Array:
-        """Measured minus computed outputs of the computed samples, shape (n_outputs, n - first)."""
+        """Measured minus computed outputs from sample ``first`` on, shape (n_outputs, n - first)."""
         return np.asarray((self.measured - self.outputs)[:, self.first :], dtype=np.float64)
 
     @property
     def rms_error(self) -> float:
-        """Root mean square of the residuals of all outputs that have the unit of the first output, in this unit."""
+        """Root mean square of the residuals, over all outputs that have the same unit as the first."""
         alike = [row for row, unit in enumerate(self.units) if unit == self.units[0]]
         return float(np.sqrt(np.mean(self.residuals[alike] ** 2)))
 

@@ -128,12 +128,11 @@ def pseudovalues(
 
 
 def robust(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) -> NarxModel:
-    """Return the model with a covariance that assumes nothing about the residuals of least squares (block jackknife).
+    """Return the model with a parameter covariance that does not require white residuals (block jackknife).
 
-    The covariance is valid even if the terms cannot describe the plant. In this case it describes the scatter, over
-    records of similar excitation, about the parameters that would fit an infinitely long record best. The error due to
-    missing terms does not average out, so parameters from records of different excitation differ by more than this
-    scatter.
+    The covariance is valid even if the terms cannot describe the plant. It then describes how the parameters scatter
+    between recordings of similar excitation. Parameters from recordings of different excitation differ by more than
+    this scatter, because the error due to missing terms depends on the excitation.
 
     Parameters
     ----------
@@ -142,19 +141,21 @@ def robust(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) 
     recordings : Recording, Experiment, or several
         Recordings to which the model was fitted.
     n_blocks : int
-        Number of blocks into which the samples are cut, at least 2; each should be longer than the plant's memory.
+        Number of blocks into which the samples are cut, at least 9. Each block should be longer than the plant's
+        response time.
 
     Returns
     -------
     NarxModel
-        Model with this ``theta_cov`` and, as ``theta_dof``, the n_blocks - 1 degrees of freedom of its t distribution.
-        The covariance's rank is at most n_blocks - 1, so use it for a few combinations of the parameters at a time.
+        Model with the new ``theta_cov``; ``theta_dof``, the degrees of freedom of the t distribution, is
+        ``n_blocks - 1``. The rank of the covariance is at most ``n_blocks - 1``, so use the covariance only for a few
+        combinations of the parameters at a time.
 
     Raises
     ------
     ModelError
-        If the model has several outputs or noise terms, the recordings do not suit it, ``n_blocks`` is below 2, there
-        are too few samples, or the parameters are not determined without one of the blocks.
+        If the model has several outputs or noise terms, the recordings do not suit the model, ``n_blocks`` is below 9,
+        there are too few samples, or the parameters are not determined without one of the blocks.
     """
     cosines = Cosines.of(pseudovalues(model, recordings, n_blocks=n_blocks))
     return replace(model, theta_cov=cosines.scale * cosines.dof / (cosines.dof - 2), theta_dof=float(cosines.dof))

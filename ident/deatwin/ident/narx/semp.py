@@ -29,36 +29,39 @@ _CLEARLY_WORSE = 2.0
 class Semp(CandidateSearch):
     """Choose terms by simulation-error minimisation with pruning (SEMP).
 
-    In every step each candidate x is added to the model M on trial, the parameters are estimated by least squares, and
+    In every step, each candidate x is added to the model M on trial. The parameters are estimated by least squares, and
     the free run of the enlarged model is simulated. The candidate with the largest simulation error reduction ratio,
-    ``SRR = (MSSE(M) - MSSE(M + x)) / mean(y^2)`` with the mean squared simulation error MSSE, is added. Terms are then
-    pruned as long as the pruned model has a smaller simulation error than the model before the addition.
+    ``SRR = (MSSE(M) - MSSE(M + x)) / mean(y^2)``, is added to the model; MSSE is the mean squared simulation error.
+    Terms are then pruned as long as the pruned model has a smaller MSSE than the model before the addition.
 
-    If the record is noisy, a false term among many candidates often lowers the simulation error more than the true
-    term. Two tests are therefore added to the published rules; ``level=0.5, significance=None``
-    switches them off:
+    In noisy recordings, a false term among many candidates often lowers the MSSE more than the true term. Two tests are
+    therefore added to the published method; ``level=0.5, significance=None`` switches them off:
 
-    - Simulation errors are compared by a paired t test on the sums over about twenty sections of the records.
+    - Simulation errors are compared by a paired t test on their sums over about twenty sections of the recordings.
       Differences that are not significant at ``level`` are ignored. Of the candidates that are not significantly worse
-      than the best, the one that lowers the one-step error most is added, provided that it does not worsen the free
-      run.
+      than the best, the one with the smallest one-step error is added, provided that the free run does not become
+      worse.
     - A term is a candidate only if it lowers the one-step error significantly (F test at ``significance`` divided by
-      the number of candidates); a term is pruned when it no longer lowers this error significantly and the free run
-      without it is no worse.
+      the number of candidates). A term that no longer does so is pruned, provided that the free run does not become
+      worse.
 
-    Additions end when no candidate is left, at ``max_terms``, or when the SRR is below ``threshold``. Two further steps
-    follow, which are not part of the published method either; ``max_exchanges=0`` switches them off. A term is
-    exchanged for a candidate that improves the free run, or that lowers the one-step error without worsening the free
-    run. The search also continues once from the model of a forward regression (`Frols`) with the smallest simulation
-    error, if that error is below the error of the present model, because adding single terms may miss a resonance, for
-    example. The result is the model of the last step whose mean squared simulation error is at most twice the smallest
-    one: a test over sections cannot detect an error that is large in only a few sections.
+    Additions end when no candidate is left, when the model has ``max_terms`` terms, or when the SRR is below
+    ``threshold``. Two further kinds of steps follow, which are not part of the published method either;
+    ``max_exchanges=0`` switches them off:
 
-    Least squares and the F test are valid for white one-step errors. If these are not white, for example because of
-    noise on the readings, the model is extended (single output only, and not with ``max_exchanges=0``): its parameters
-    are refined to the smallest free-run error, and terms are added by that error up to ``max_terms``. The result is the
-    first model on this path such that it and all later models are not significantly worse than the best one on held-out
-    sections.
+    - A term is exchanged for a candidate that improves the free run, or for one that lowers the one-step error without
+      worsening the free run.
+    - The search continues once from the best model of a forward regression (`Frols`) if the MSSE of that model is
+      smaller than that of the present model. This finds resonances, for example, which the addition of single terms may
+      miss.
+
+    The result is the model of the last step whose MSSE is at most twice the smallest MSSE of all steps.
+
+    Least squares and the F test are valid for white one-step errors. If these errors are not white, for example because
+    of noise on the readings, the model is extended (single output only, and not with ``max_exchanges=0``). Its
+    parameters are refined to the smallest free-run error, and terms that lower this error are added up to
+    ``max_terms``. The result is the extended model with the smallest free-run error on held-out sections, or a smaller
+    one that is not significantly worse.
 
     Parameters
     ----------
@@ -67,30 +70,32 @@ class Semp(CandidateSearch):
     max_terms : int
         Largest number of terms.
     threshold : float, optional
-        Smallest SRR of an addition, as published, dimensionless; if omitted, the tests alone decide.
+        Smallest SRR for which a term is added (the stopping rule of the published method), dimensionless. If omitted,
+        the two tests alone decide.
     level : float
-        One-sided level of the test between simulation errors, above 0; at 0.5 every difference is significant.
+        One-sided significance level of the t test between simulation errors, above 0 and at most 0.5. At 0.5, every
+        difference is significant.
     significance : float, optional
-        Probability, per step, that some false candidate is added to a true model; None switches the test off.
+        Probability that a step adds a false term to a model that lacks no true term; None switches the F test off.
     max_exchanges : int
-        Largest number of exchanges when no addition is left; 0 gives the published search alone.
+        Largest number of exchanges; 0 switches off the exchanges, the forward regression and the extension.
 
     Attributes
     ----------
     model_ : NarxModel
-        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the residual variance
-        sigma^2 and the regressors P or, if the model was extended, that of `refine`.
+        The identified model, in physical units. ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the residual variance
+        sigma^2 and the regressors P; for an extended model, it is that of `refine`.
     terms_ : tuple of Term
         Terms of the model.
     path_ : tuple of SempStep
         Steps of the search.
     refined_ : bool
-        True if the parameters were refined to the smallest free-run error; with several outputs, this attribute and all
-        that follow belong to each estimator in ``equations_``.
+        True if the parameters were refined to the smallest free-run error. With several outputs, each estimator in
+        ``equations_`` has this attribute and the following ones instead.
     srr_ : ndarray, shape (n_steps,)
         Simulation error reduction ratio of each step before pruning, dimensionless.
     msse_ : ndarray, shape (n_steps,)
-        Mean squared simulation error after each step, square of the output's unit.
+        Mean squared simulation error after each step, in the squared unit of the output.
 
     References
     ----------

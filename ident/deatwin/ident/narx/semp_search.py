@@ -32,17 +32,17 @@ class SempStep:
     Parameters
     ----------
     added : tuple of Term
-        Added term; all new terms if the search continued from the model of the forward regression; empty if the step
-        refined the parameters.
+        Terms that the step added. Usually there is one. There are several if the search continued from the model of a
+        forward regression, and none if the step only refined the parameters.
     pruned : tuple of Term
         Terms removed by the exchange and by pruning.
     terms : tuple of Term
         Terms of the model after the step.
     srr : float
-        Simulation error reduction ratio of the addition: decrease of the mean squared simulation error as a share of
-        the output's mean square.
+        Simulation error reduction ratio of the step before pruning: decrease of the mean squared simulation error,
+        divided by the mean square of the output.
     msse : float
-        Mean squared simulation error after the step, square of the output's unit.
+        Mean squared simulation error after the step, in the squared unit of the output.
     """
 
     added: tuple[Term, ...]

@@ -108,17 +108,18 @@ def register_function(name: str, function: Function, slope: Function | None = No
     Parameters
     ----------
     name : str
-        Name in terms: a word that is not the name of a built-in function. Your own name may be registered again.
+        Name of the function in terms: a word that is not the name of a built-in function. If you registered the name
+        before, the new function replaces the old one.
     function : callable
-        Function of an array of any shape that returns one of the same shape, in float64; its argument is the signal in
-        the signal's unit.
+        Function that takes an array of any shape and returns a float64 array of the same shape. The argument is the
+        signal in its unit.
     slope : callable, optional
-        Derivative of `function`, a function of the same kind; computed by central differences if omitted.
+        Derivative of `function`, called in the same way; if omitted, central differences are used.
 
     Raises
     ------
     ModelError
-        If the name is not a word, or belongs to a built-in function.
+        If the name is not a word or belongs to a built-in function, or `function` or `slope` is not callable.
 
     Notes
     -----

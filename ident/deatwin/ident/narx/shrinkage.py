@@ -34,13 +34,13 @@ class Ridge:
 
     For the covariance, the penalty is read as a Gaussian prior of theta. Let n be the number of samples, p the
     effective number of parameters, and ``s^2`` the residual sum of squares divided by n - p. ``theta_cov`` is then the
-    posterior covariance ``s^2 (Z'Z + n penalty)^-1``. It includes the bias of theta, on average over the prior.
+    posterior covariance ``s^2 (Z'Z + n penalty)^-1``. This includes the squared bias of theta, averaged over the prior.
 
     Parameters
     ----------
     penalty : float or str
-        Penalty, a positive dimensionless number, or its choice: "gcv" by generalised cross-validation, "evidence" by
-        the marginal likelihood.
+        Penalty, a positive dimensionless number. "gcv" chooses it by generalised cross-validation, "evidence" by the
+        largest marginal likelihood.
 
     References
     ----------
@@ -85,15 +85,15 @@ class Bayesian:
     """Estimator of given terms, for `Frols` and `Fixed`: Bayesian linear regression with a normal-gamma posterior.
 
     The priors are ``theta | tau ~ N(0, 1/(tau alpha))`` and ``tau ~ Gam(a0, b0)``, where theta are the parameters and
-    tau is the noise precision. One precision alpha holds for all regressors; each regressor is divided by the power of
-    two nearest to its root mean square.
+    tau is the noise precision. All parameters share the precision alpha, after each regressor is divided by the power
+    of two nearest to its root mean square.
 
     Parameters
     ----------
     precision : float or None
-        Precision alpha, dimensionless; None chooses it by the largest marginal likelihood.
+        Precision alpha, dimensionless; if None, the value with the largest marginal likelihood is used.
     priors : Priors
-        Priors; only a0 and b0, those of the noise precision, are used.
+        Parameters of the priors; only a0 and b0, the shape and rate for the noise precision, are used.
 
     References
     ----------

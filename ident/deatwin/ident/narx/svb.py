@@ -36,27 +36,26 @@ class SvbNarx(CandidateSearch):
 
     The model is ``y | theta, tau ~ N(Phi theta, 1/tau)`` and ``theta | tau, alpha ~ N(0, 1/(tau alpha))`` with the
     output y, the regressors Phi and the parameters theta. The noise precision tau and the precision alpha of each term
-    have gamma priors. The variational posterior of all candidates is iterated to convergence. Terms are then pruned if
-    the logarithm of their relevance ``1/E[alpha]`` is at most ``min + (max - min)/resolution``, where min and max are
-    its smallest and largest value. This is repeated down to one term. Each step starts again from the prior mean of the
-    relevances, so that a term can regain its weight once other terms that described the same dynamics are removed. The
-    step with the largest lower bound is the model (all models are equally probable a priori). Candidates that are zero
-    throughout are ignored.
+    have gamma priors. The relevance of a term is ``1/E[alpha]``.
 
-    The bound ignores the number of candidates: if there are hundreds, a false term sometimes raises the bound by
-    chance. A clean-up (``clean_up="evidence"``), which is not part of the published algorithm, therefore continues the
-    search. The clean-up starts from the most probable structure among the step with the largest bound and all later
-    steps. It removes, adds or exchanges one term at a time, always moving to the most probable structure, until no move
-    increases the probability. The clean-up is repeated from the very last step, and the more probable result is kept.
-    Structures are compared by their exact evidence under a unit-information prior and by a prior that counts the
-    candidates; see `deatwin.ident.narx.evidence`. With or without clean-up, the posterior of the parameters is the
-    variational one.
+    Each pruning step computes the variational posterior of the present terms by iteration. It then removes the terms
+    whose log relevance is at most ``min + (max - min)/resolution``, where min and max are the smallest and the largest
+    log relevance. Every step starts from the prior mean of alpha, so that a term can become relevant again once other
+    terms that described the same dynamics are removed. The steps continue down to one term. The model is that of the
+    step with the largest variational lower bound of the evidence. Candidates that are zero throughout are ignored.
 
-    Because the priors have a fixed scale, the choice of terms would depend on the units of the signals if these were
-    not scaled. Output and regressors are therefore divided by their root mean squares. A signal that is far from zero
-    is shifted to an origin: zero if the data nearly reach zero, otherwise the mean of the data; if any signal is
-    shifted, the outputs are taken relative to the model's equilibrium. Units and offsets of the signals then do not
-    change the choice. Bounds and relevances refer to this scaling; the model is in physical units, about these origins.
+    The bound ignores the number of candidates: among hundreds, a false term sometimes raises the bound by chance. A
+    clean-up (``clean_up="evidence"``), which is not part of the published algorithm, therefore continues the search.
+    The clean-up removes, adds or exchanges one term at a time, always in the way that gives the most probable
+    structure, until no change increases the probability. The clean-up runs twice. The first run starts from the most
+    probable structure of the step with the largest bound and all later steps, and the second run starts from the last
+    step. The more probable result is kept. The probability of a structure follows from its exact evidence under a
+    unit-information prior and a prior that takes the number of candidates into account; see
+    `deatwin.ident.narx.evidence`. The parameters always have their variational posterior.
+
+    The choice of terms does not depend on units and offsets, because the output and the regressors are divided by their
+    root mean squares, and signals far from zero are taken relative to an origin. Bounds and relevances refer to the
+    scaled signals. The model is in physical units.
 
     Parameters
     ----------
@@ -65,30 +64,29 @@ class SvbNarx(CandidateSearch):
     clean_up : str
         Search after the published algorithm: "evidence" for the clean-up, "none" for no further search.
     resolution : float
-        Resolution of the pruning, above 1; the larger it is, the fewer terms a step prunes.
+        Resolution of the pruning, above 1; the larger the resolution, the fewer terms each step prunes.
     a0, b0, c0, d0 : float
         Shape and rate of the gamma priors of the noise precision (a0, b0) and of alpha (c0, d0).
     tolerance : float
-        Tolerance of convergence: change of the parameters in one update, in standard deviations, and relative change of
-        the noise variance.
+        Tolerance of convergence, for two quantities: the change of the parameters in one update, in standard
+        deviations, and the relative change of the noise variance.
     max_iterations : int
-        Largest number of updates in a step.
+        Largest number of updates in a pruning step.
 
     Attributes
     ----------
     model_ : NarxModel
-        Chosen model, in physical units. The posterior of theta is Student-t with ``theta_dof = 2 a_N`` degrees of
-        freedom, where a_N is the posterior shape of tau; ``theta_cov`` is its covariance,
-        ``theta_cov (theta_dof - 2)/theta_dof`` its squared scale.
+        Chosen model, in physical units. The posterior of theta is Student-t with ``theta_dof`` degrees of freedom and
+        covariance ``theta_cov``.
     terms_ : tuple of Term
         Terms of the model.
     settled_ : bool
-        True if the parameters converged within ``max_iterations``; with several outputs, this attribute and all that
-        follow belong to each estimator in ``equations_``.
+        True if the parameters converged within ``max_iterations`` updates. With several outputs, each estimator in
+        ``equations_`` has this attribute and the following ones instead.
     lower_bound_ : float
-        Lower bound of the model on ln p(y) in nats, in the scaling above.
+        Variational lower bound of the log evidence ln p(y) of the model in nats, for scaled signals.
     relevance_ : ndarray, shape (n_terms,)
-        Relevance 1 / E[alpha] of each term, in the scaling above.
+        Relevance 1/E[alpha] of each term, for scaled signals.
     path_ : tuple of PruningStep
         Pruning steps, from all candidates down to one term.
 
@@ -235,5 +233,5 @@ class SvbNarx(CandidateSearch):
         return best
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the lower bound over the pruning steps, with the largest marked, on `ax` or new axes."""
+        """Draw the lower bound over the pruning steps, with the largest bound marked, on `ax` or new axes."""
         return draw_bounds(self.path_, ax)

@@ -47,7 +47,7 @@ class Term:
 
     @classmethod
     def product(cls, variables: Iterable[Variable]) -> Term:
-        """Return the product of `variables` in any order; one that occurs n times gets the power n."""
+        """Return the product of `variables`, given in any order; a variable that occurs n times gets the power n."""
         return cls(tuple(sorted(Counter(variables).items())))
 
     @classmethod
@@ -57,9 +57,10 @@ class Term:
         Parameters
         ----------
         text : str
-            Written term, as ``y(k-1)u(k-2)^2``; spaces and ``*`` between factors are allowed.
+            Written term, such as ``y(k-1)u(k-2)^2``; spaces and ``*`` between factors are allowed.
         input_names, output_names : sequence of str, optional
-            Names of the signals that may be used besides u1, u2, y1 and so on; they take precedence over these.
+            Names that the text may use for the signals, besides u1, y1 and so on. A name given here takes precedence
+            over u1, y1 and so on.
 
         Raises
         ------
@@ -80,7 +81,7 @@ class Term:
 
     @property
     def degree(self) -> int:
-        """Sum of the powers."""
+        """Sum of the powers of the factors; 0 for the constant term."""
         return sum(power for _, power in self.factors)
 
     @property
@@ -89,7 +90,11 @@ class Term:
         return tuple(variable for variable, power in self.factors for _ in range(power))
 
     def written(self, symbols: Mapping[tuple[str, int], str]) -> str:
-        """Return the term as text with other `symbols`, by kind "y", "u" or "e" and row, for some of its signals."""
+        """Return the term as text with other symbols for its signals.
+
+        `symbols` maps the kind of a signal ("y", "u" or "e") and its row index to the symbol. Other signals keep their
+        symbols.
+        """
         factors = [(v.written(symbols.get((v.kind, v.index), v.symbol)), power) for v, power in self.factors]
         return "".join(f"{text}^{power}" if power > 1 else text for text, power in factors) or "1"
 
@@ -116,32 +121,33 @@ def generate_terms(
     functions: Sequence[Variable] = (),
     rule: Rule | None = None,
 ) -> tuple[Term, ...]:
-    """Return all candidate terms up to a degree, the constant first, then by degree.
+    """Return all candidate terms up to a degree, in the order of their degrees; the constant term comes first.
 
     Parameters
     ----------
     output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
-        Lags in samples: a number n for 1..n, or a list of lags (an input lag may be 0). One value applies to every
-        channel; for each channel separately, give them as ``[[1, 2], [4, 5]]`` or as ``{"u1": [1, 2], "u2": [4, 5]}``.
+        Lags in samples: a number n for the lags 1 to n, or a list of lags; an input lag may be 0. One value applies to
+        every channel. To give each channel its own lags, write ``[[1, 2], [4, 5]]`` or
+        ``{"u1": [1, 2], "u2": [4, 5]}``.
     degree : int
         Largest degree of a term, at least 1.
     n_inputs, n_outputs : int
         Number of channels; a single channel is written without a number.
     functions : sequence of Variable
-        Functions of lagged signals that candidates may contain besides the lagged signals; a candidate contains each of
-        them at most once.
+        Functions of lagged signals, such as |u(k-1)|, as additional factors. A candidate contains each function at most
+        once.
     rule : callable, optional
         Function of a `Term` that returns True if the term is a candidate; see `deatwin.ident.narx.rules`.
 
     Returns
     -------
     tuple of Term
-        Candidates: (n + degree)! / (n! degree!) terms for n lagged signals, minus those that the rule drops.
+        Candidates. Without functions and rule, n lagged signals give (n + degree)! / (n! degree!) terms.
 
     Raises
     ------
     ModelError
-        If the lags or the degree are invalid, or the rule drops all terms.
+        If an argument is invalid, there would be more than 20 000 terms, or the rule drops all terms.
 
     Examples
     --------
@@ -186,14 +192,14 @@ class TermTable:
     Parameters
     ----------
     terms : tuple of Term
-        Terms to evaluate, one for each column of the regressor matrix.
+        Terms to evaluate.
     """
 
     terms: tuple[Term, ...]
 
     @cached_property
     def variables(self) -> tuple[Variable, ...]:
-        """Lagged signals that occur in the terms, in writing order."""
+        """Different variables in the terms: first those of outputs, then of inputs, then of noise."""
         return tuple(sorted({variable for term in self.terms for variable, _ in term.factors}))
 
     @cached_property
@@ -214,13 +220,14 @@ class TermTable:
 
     @cached_property
     def functions(self) -> tuple[Variable, ...]:
-        """Variables that are functions of a signal."""
+        """Those of ``variables`` that are functions of a signal."""
         return tuple(variable for variable in self.variables if variable.shape is not None)
 
     def in_units(self, scales: Mapping[str, Array]) -> TermTable:
         """Return the same terms for signals in other units.
 
-        The gain of each function is multiplied by ``scales[kind][row]``, the size of the new unit in old units.
+        ``scales[kind][row]`` is the size of a signal's new unit in the old unit. A function of the signal, such as
+        sat(y(k-1),0.5), multiplies the signal by this number, so that the limit 0.5 stays in the old unit.
         """
         if not self.functions:
             return self
@@ -233,7 +240,7 @@ class TermTable:
         return TermTable(tuple(Term(tuple((scaled(v), p) for v, p in term.factors)) for term in self.terms))
 
     def of_signals(self, lagged: Callable[[Variable, int], Array]) -> list[Array]:
-        """Return the values of each of ``variables``; `lagged` returns the signal of a variable at a lag."""
+        """Return the values of each variable; the function `lagged` returns a variable's signal at a given lag."""
         return [value_of(v, lagged) for v in self.variables]
 
     def channels(self, kind: str) -> int:
@@ -260,9 +267,9 @@ class TermTable:
         Parameters
         ----------
         inputs : ndarray, shape (n_inputs, n)
-            Inputs of one recording, in the units of the parameters.
+            Inputs of one recording, in the units to which the model's parameters refer.
         outputs : ndarray, shape (n_outputs, n)
-            Outputs of one recording, in the units of the parameters.
+            Outputs of one recording, in the units to which the model's parameters refer.
         start, stop : int
             Samples [start:stop) of the recording; ``start`` must be at least ``max_lag``.
         noise : ndarray, shape (n_outputs, n), optional
@@ -271,12 +278,12 @@ class TermTable:
         Returns
         -------
         ndarray, shape (n_terms, stop - start)
-            The transposed regressor matrix: one row a term, so that each is contiguous in memory.
+            Transposed regressor matrix, with one row for each term.
 
         Raises
         ------
         ModelError
-            If terms contain noise and none is given.
+            If terms contain noise and `noise` is not given.
         """
         signal = {"y": outputs, "u": inputs, "e": noise}
         if noise is None and self.channels("e"):
@@ -300,5 +307,5 @@ class TermTable:
         return rows
 
     def at(self, values: Array) -> Array:
-        """Evaluate all terms at one value of each of ``variables``; `values` (n_variables,), returns (n_terms,)."""
+        """Evaluate all terms for one value of each variable. Shapes: `values` (n_variables,), returns (n_terms,)."""
         return np.asarray(np.prod(values**self.exponents, axis=1), dtype=np.float64)

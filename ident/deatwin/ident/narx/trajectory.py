@@ -44,18 +44,18 @@ class ThetaTrajectory(
     Parameters
     ----------
     model : NarxModel
-        Model with the terms, signals and noise variance; its parameters are those at the last time.
+        Model at the last time, with the terms and the noise variance that hold for all times.
     timepts : ndarray, shape (n,)
-        Increasing times on the experiment's clock in s.
+        Increasing times on the experiment's clock, in s.
     theta : ndarray, shape (n_terms, n)
         Parameters at each time, in the units that follow from the signals.
     theta_cov : ndarray, shape (n, n_terms, n_terms)
         Covariance of the parameters at each time.
     drift_variance : ndarray, shape (n_terms,)
-        Variance that the random walk of each parameter gains in one sample interval, in its squared unit; zero for a
-        parameter without a random-walk model.
+        Variance of the change of each parameter in one sample interval, in the parameter's squared unit; 0 if the
+        estimator does not model the drift as a random walk.
     log_likelihood : float or None
-        Log-likelihood of the outputs under the variances; None if the estimator provides none.
+        Log-likelihood of the outputs for these variances; None if the estimator does not compute the log-likelihood.
 
     Raises
     ------
@@ -88,13 +88,13 @@ class ThetaTrajectory(
 
     @classmethod
     def joined(cls, parts: Sequence[ThetaTrajectory]) -> Self:
-        """Combine the trajectories of the outputs' equations into one.
+        """Combine the trajectories of several outputs into one.
 
         Parameters
         ----------
         parts : sequence of ThetaTrajectory
-            Trajectory of each output, in order. Only times common to all are kept; parameters of different equations
-            are uncorrelated.
+            Trajectory of each output's equation, in the order of the outputs. Only the times common to all are kept.
+            Parameters of different outputs are taken as uncorrelated.
 
         Raises
         ------
@@ -131,25 +131,34 @@ class ThetaTrajectory(
         return read_only(np.sqrt(np.einsum("kii->ik", self.theta_cov)))
 
     def at(self, time: float) -> NarxModel:
-        """Return the model nearest to `time`, s on the clock of the experiment; ModelError if `time` is outside."""
+        """Return the model at the sample nearest to `time`, in s on the experiment's clock.
+
+        Raises ModelError if `time` lies outside the trajectory.
+        """
         k = int(self._nearest(np.array([time]))[0])
         return replace(self.model, theta=self.theta[:, k], theta_cov=self.theta_cov[k])
 
     def thinned(self, step: int) -> Self:
-        """Return every `step`-th time, counted from the end, to save memory; ModelError if `step` is below 1."""
+        """Return the trajectory at every `step`-th time, counted from the end; ModelError if `step` is below 1."""
         kept = np.arange(self.timepts.size)[:: -whole_number(step, "step")][::-1]
         return replace(self, timepts=self.timepts[kept], theta=self.theta[:, kept], theta_cov=self.theta_cov[kept])
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict `steps` samples ahead as `NarxModel.predict`; ModelError if `recording` exceeds the trajectory."""
+        """Predict `steps` samples ahead with the parameters at each time, as `NarxModel.predict` does.
+
+        Raises ModelError if the times of `recording` exceed those of the trajectory.
+        """
         return self._driven.predict(self._with_theta(recording), steps=steps)
 
     def simulate(self, recording: Recording) -> NarxResponse:
-        """Run free from the first lags measured; ModelError if `recording` exceeds the trajectory."""
+        """Simulate in free run with the parameters at each time, as `NarxModel.simulate` does.
+
+        Raises ModelError if the times of `recording` exceed those of the trajectory.
+        """
         return self._driven.simulate(self._with_theta(recording))
 
     def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
-        """Draw each parameter over time with its band on `axes` or new ones; ModelError if there are too few axes."""
+        """Draw each parameter over time with its 95 % band, on `axes` or new ones; ModelError for too few axes."""
         panels = panels_or_new(axes, len(self.terms), height=1.4, sharex=True)
         for ax, term, theta, std in zip(panels, self.terms, self.theta, self.std, strict=True):
             half = _QUANTILE * std

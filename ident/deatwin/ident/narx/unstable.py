@@ -26,7 +26,7 @@ _SURER = 3.1  # standard deviations if nothing else speaks for an unstable pole:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Unstable:
-    """Unstable pole of a model, and the fit of its predictions.
+    """Unstable pole of a model, and the fit of the model's predictions several steps ahead.
 
     Parameters
     ----------
@@ -35,15 +35,15 @@ class Unstable:
     sample_time : float
         Time between two samples in s.
     steps : int
-        Number of samples in which the unstable mode grows by the factor e, limited by the length of the recordings.
+        Number of samples in which the unstable mode grows by a factor of e, but no more than the recordings allow.
     ahead : Fit
         Fit of the predictions ``steps`` samples ahead.
     recorded_pole : complex or None
-        Pole z of largest magnitude of a long ARX model of the recordings, which noise does not bias; None if the
-        recordings are too short for such a model.
+        Pole z of largest magnitude of a high-order ARX model of the recordings; None if the recordings are too short
+        for such a model. Noise does not bias this pole.
     interval : tuple of float, or None
-        95 % interval of the magnitude of `recorded_pole`. The interval is valid if the controller does not react to a
-        disturbance before the disturbance appears in the output.
+        95 % interval of the magnitude of `recorded_pole`. For recordings from a control loop, the interval is valid if
+        the controller does not respond to a disturbance before the disturbance appears in the output.
     """
 
     pole: complex
@@ -59,7 +59,7 @@ class Unstable:
         return complex(np.log(self.pole) / self.sample_time)
 
     def sentences(self, units: Sequence[str]) -> list[str]:
-        """Return sentences on the pole and on the error of the predictions, in the outputs' `units`."""
+        """Return sentences on the pole and on the prediction error; `units` are the units of the outputs."""
         ahead = ", ".join(
             f"{with_unit(rms, unit)} rms (fit {percent:.4g} %)"
             for rms, percent, unit in zip(self.ahead.rms, self.ahead.percent, units, strict=True)

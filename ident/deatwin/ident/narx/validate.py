@@ -112,30 +112,31 @@ class Validation(
         Fit of the simulation from the first measured samples and the inputs; its ``mean_square`` is the mean squared
         simulation error (MSSE).
     diverged : tuple of (int, float)
-        Index of each recording whose free run diverged, and the time on its clock in s.
+        Index of each recording whose free run diverged, and the time of divergence on the recording's clock, in s.
     tests : tuple of CorrelationTest
-        Five correlation tests for each output and each input that is not constant.
+        Correlation tests of the residual of each output: with its own past, with each input that is not constant, and
+        with the residual of each other output.
     whiteness : tuple of Whiteness
-        Whiteness of the residual of each output.
+        Whiteness test (Ljung and Box) of the residual of each output.
     n_samples : int
         Number of residuals of each output.
     level : float
-        Probability that a single test fails although the model is adequate.
+        Significance level: probability that a single test fails although the model is adequate.
     exact : bool
-        True if the residual is only rounding error, in which case there are no tests.
+        True if the residual is only rounding error; there are then no tests.
     input_names, output_names, output_units : tuple of str
         Names and units of the signals.
     unstable : Unstable or None
-        Unstable pole, and the fit of predictions over a horizon equal to the pole's growth time; None if the model is
-        stable.
-    gain_error, gain_error_half_width : float or None
-        Relative error of the free run's gain, positive if the recorded output varies more than the simulated one, and
-        half the width of the 95 % interval of this error; None if the free run is constant or diverges, or if there are
-        several outputs.
+        Unstable pole, and the fit of predictions over the time in which its mode grows by a factor of e; None unless
+        the model is certainly unstable.
+    gain_error : float or None
+        Slope of the recorded output over the free run, minus 1; positive if the recorded output varies more. None if
+        the free run is constant or diverges, or if there are several outputs.
+    gain_error_half_width : float or None
+        Half width of the 95 % interval of ``gain_error``; None if ``gain_error`` is None.
     notes : tuple of str
-        Further remarks on the model, one sentence each; usually empty. Reasons are: the plant
-        reacts to an input later than the model's largest lag of that input, or the plant has an unstable pole that the
-        model lacks.
+        Further remarks on the model; usually empty. They state that the plant reacts to an input later than the model's
+        largest lag of that input, or that the plant has an unstable pole that the model lacks.
     """
 
     one_step: Fit
@@ -171,12 +172,15 @@ class Validation(
 
     @property
     def failed(self) -> tuple[CorrelationTest, ...]:
-        """Tests that fail at ``level / len(tests)``: none, with probability 1 - level, for an adequate model."""
+        """Tests with a p-value below ``level / len(tests)`` (Bonferroni).
+
+        For an adequate model, the probability that any test is listed is at most ``level``.
+        """
         return tuple(test for test in self.tests if test.p_value < self.level / len(self.tests))
 
     @property
     def status(self) -> ValidationStatus:
-        """Joint result of the tests; an unstable model and a diverged free run take precedence."""
+        """Joint result of the tests, unless the model is unstable or its free run diverged."""
         if self.unstable is not None:
             return ValidationStatus.UNSTABLE
         if self.diverged:
@@ -202,7 +206,7 @@ class Validation(
         Raises
         ------
         ModelError
-            If there is no such test: the name is unknown, or the input is constant.
+            If there is no such test, for example because the name is unknown or the input is constant.
         """
         for test in self.tests:
             if (test.name, test.output) == (name, output) and test.other in (None, other):
@@ -311,10 +315,9 @@ class Validation(
 def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, level: float = 0.05) -> Validation:
     """Compare a model with recordings one step ahead and in free run, and test the residual.
 
-    The tests use the residuals one step ahead. They are most informative on recordings that were not used for training;
-    on training data the residual is a little smaller and whiter than the noise. Correlations never reach across two
-    recordings. In long recordings the tests detect faults that are too small to matter: look at
-    ``CorrelationTest.largest`` too.
+    The tests use the residuals of the one-step prediction. They are most informative on held-out data, because on
+    training data the residual is a little smaller and whiter than the noise. In long recordings, the tests detect
+    faults that are too small to matter: look at ``CorrelationTest.largest`` too.
 
     Parameters
     ----------
@@ -325,7 +328,7 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
     max_lag : int
         Largest lag of the correlations in samples.
     level : float
-        Probability that a single test fails although the model is adequate.
+        Significance level: probability that a single test fails although the model is adequate.
 
     Raises
     ------

@@ -50,7 +50,7 @@ class Variable:
 
     @property
     def reach(self) -> int:
-        """Largest lag that it needs, in samples."""
+        """Largest lag of the signal that the variable depends on, in samples."""
         return self.lag + (0 if self.shape is None else self.shape.difference)
 
     @property
@@ -62,7 +62,7 @@ class Variable:
 
     @property
     def symbol(self) -> str:
-        """Symbol of the signal without its lag, as y or u2."""
+        """Symbol of the signal without its lag, such as y or u2."""
         return f"{self.kind}{self.channel or ''}"
 
     def written(self, symbol: str) -> str:

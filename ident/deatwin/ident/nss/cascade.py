@@ -37,12 +37,12 @@ class Structure(StrEnum):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Cascade(StateSpaceIdentifier):
-    """Identify a cascade of linear dynamics and static functions, with one input and one output, by its free-run error.
+    """Identify a cascade of linear dynamics and static functions by its free-run error.
 
-    The linear dynamics start from the best linear approximation. If the input is Gaussian and the cascade has one
-    linear block, the dynamics of this block are proportional to that approximation (Bussgang). For ``"LNL"`` the poles
-    and zeros of the approximation are divided between the two blocks in all possible ways, and the best division is
-    fitted.
+    The cascade has one input and one output. The search starts from the best linear approximation. For ``"NL"`` or
+    ``"LN"`` and a Gaussian input, this approximation is proportional to the linear block (Bussgang). For ``"LNL"``, the
+    poles and zeros of the approximation are divided between the two linear blocks in all possible ways. Each division
+    is fitted for a few steps, and the best one is fitted to the end.
 
     Parameters
     ----------
@@ -51,15 +51,16 @@ class Cascade(StateSpaceIdentifier):
     states : int
         Number of states of the linear block, or of both blocks together for ``"LNL"``.
     shape : sequence of str
-        Terms of the static functions, besides the signal v (scaled to an rms value of about one) and a constant: powers
-        ``"v^2"``, or functions such as ``"|v|"``, ``"sat(v,1)"`` and, for splines, ``"hinge(v,0.5)"``.
+        Nonlinear terms of the static functions: powers such as ``"v^2"``, or functions such as ``"|v|"``,
+        ``"sat(v,1)"`` and, for splines, ``"hinge(v,0.5)"``. The argument v of a static function has an rms value of
+        about one. A term proportional to v and a constant are always included.
     feedthrough : bool
         True if the last linear block has direct feedthrough: its output depends on its input in the same sample.
     held_out : float
-        Share of each recording, at its end, that is held out: the search stops when the error on this part no longer
-        falls. With 0, all samples are fitted.
+        Share of each recording, at its end, that is held out. The fit to the other samples ends when the error on this
+        part no longer falls; the model is then refitted to all samples. With 0, all samples are fitted from the start.
     max_steps : int
-        Largest number of steps of a search.
+        Largest number of steps of the fit, and of the refit to all samples.
 
     Attributes
     ----------
@@ -67,15 +68,19 @@ class Cascade(StateSpaceIdentifier):
         The identified model. Its `directions`, the weighted sums to which the static functions are applied, are the
         signals between the blocks.
     status_ : FitStatus
-        Outcome. ``DONE``: the gradient over all samples is small. ``INTERRUPTED``: Ctrl-C. ``HELD_OUT``: the held-out
-        error stopped falling, so the model was deliberately not fitted to the minimum. ``NOT_CONVERGED``: a search
-        reached `max_steps` or could not lower the error further.
-    linear_error_, error_, held_out_error_ : ndarray, shape (1,)
-        Root mean squares of the free-run error, in the output's unit. ``linear_error_`` is that of the initial linear
-        model on all samples, ``error_`` that of the final model on all samples, and ``held_out_error_`` that of the
-        model on the held-out samples before it is refitted to all samples (NaN if no samples are held out).
+        Outcome. ``DONE``: the gradient of the error over all samples is small. ``INTERRUPTED``: the fit was ended by
+        Ctrl-C. ``HELD_OUT``: the held-out error stopped falling, so the fit deliberately ended before the minimum.
+        ``NOT_CONVERGED``: the fit reached `max_steps`, or no further step lowered the error.
+    linear_error_ : ndarray, shape (1,)
+        Rms free-run error of the initial linear model over all samples, in the output's unit.
+    error_ : ndarray, shape (1,)
+        Rms free-run error of ``model_`` over all samples, in the output's unit.
+    held_out_error_ : ndarray, shape (1,)
+        Rms free-run error on the held-out samples, in the output's unit, before the model is refitted to all samples;
+        NaN if no samples are held out.
     first_states_ : ndarray, shape (n_recordings, n_states)
-        State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
+        State of the model at the first sample of each recording: the argument ``initial`` of
+        `NonlinearStateSpace.simulate`.
 
     References
     ----------

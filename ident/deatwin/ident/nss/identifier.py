@@ -37,15 +37,19 @@ class StateSpaceIdentifier(Identifier):
     model_ : NonlinearStateSpace
         The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
     status_ : FitStatus
-        Outcome. ``DONE``: the gradient over all samples is small. ``INTERRUPTED``: Ctrl-C. ``HELD_OUT``: the held-out
-        error stopped falling, so the model was deliberately not fitted to the minimum. ``NOT_CONVERGED``: a search
-        reached its largest number of steps or could not lower the error further.
-    linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
-        Root mean squares of the free-run error, in the outputs' units. ``linear_error_`` is that of the initial linear
-        model on all samples, ``error_`` that of the final model on all samples, and ``held_out_error_`` that of the
-        model on the held-out samples before it is refitted to all samples (NaN if no samples are held out).
+        Outcome. ``DONE``: the gradient of the error over all samples is small. ``INTERRUPTED``: the fit was ended by
+        Ctrl-C. ``HELD_OUT``: the held-out error stopped falling, so the fit deliberately ended before the minimum.
+        ``NOT_CONVERGED``: the fit reached its largest number of steps, or no further step lowered the error.
+    linear_error_ : ndarray, shape (n_outputs,)
+        Rms free-run error of the initial linear model over all samples, in the outputs' units.
+    error_ : ndarray, shape (n_outputs,)
+        Rms free-run error of ``model_`` over all samples, in the outputs' units.
+    held_out_error_ : ndarray, shape (n_outputs,)
+        Rms free-run error on the held-out samples, in the outputs' units, before the model is refitted to all samples;
+        NaN if no samples are held out.
     first_states_ : ndarray, shape (n_recordings, n_states)
-        State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
+        State of the model at the first sample of each recording: the argument ``initial`` of
+        `NonlinearStateSpace.simulate`.
     """
 
     model_: NonlinearStateSpace
@@ -73,7 +77,7 @@ class StateSpaceIdentifier(Identifier):
         """Raise ModelError unless the arguments make sense."""
 
     def fit(self, recordings: Recordings, y: None = None, *, progress: Progress | None = None) -> Self:
-        """Estimate the weights; `recordings`, `y` and `progress` are those of `NarxIdentifier.fit`."""
+        """Estimate the weights from `recordings`; `y` must be None, and `progress` takes a share and a description."""
         from threadpoolctl import threadpool_limits
 
         require_no_target(y)

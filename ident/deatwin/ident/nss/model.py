@@ -38,38 +38,38 @@ root of their number."""
 class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fields_of):
     """Nonlinear state space x(k+1) = W phi(k), y(k) = V phi(k) + e(k).
 
-    x are the states, y the outputs, e the noise of the readings. The n_regressors entries of phi are 1, the states, the
-    inputs, and terms: products of powers and functions of states x1, x2, ..., inputs u (or u1, u2, ...) and directions
-    s1, s2, ..., which are weighted sums s = P phi. A direction may use the constant, states, inputs, terms and earlier
-    directions, but no later directions. Inputs and outputs are scaled: a signal minus its origin, divided by its scale.
-    On the training data, the states have an rms value of about one.
+    x are the states, y the outputs and e the noise of the readings. The regressors phi are 1, the states, the inputs
+    and the terms. A term is a product of powers and functions of states (x1, x2, ...), inputs (u, or u1, u2, ...) and
+    directions (s1, s2, ...). The directions are weighted sums of the regressors, s = P phi; terms in a direction may
+    contain earlier directions only. In these equations, each input and output is scaled: its origin is subtracted, and
+    the result is divided by its scale.
 
     Parameters
     ----------
     terms : sequence of str
-        Nonlinear terms, as ``"x1^2 u"``, ``"|x2|"`` or ``"tanh(s1,1)"``.
+        Nonlinear terms, such as ``"x1^2 u"``, ``"|x2|"`` or ``"tanh(s1,1)"``.
     transition : array_like, shape (n_states, n_regressors)
-        Matrix W; its columns are the weights of 1, the states, the inputs and the terms.
+        Matrix W. Its columns are the weights of 1, the states, the inputs and the terms, in this order.
     output : array_like, shape (n_outputs, n_regressors)
-        Matrix V.
+        Matrix V, with columns in the same order.
     directions : array_like, shape (n_directions, n_regressors), optional
-        Matrix P; no directions if omitted.
+        Matrix P, with columns in the same order; no directions if omitted.
     sample_time : float
         Sampling interval in s.
     free_directions, free_transition, free_output : array_like of bool, optional
-        Weights that were estimated, in the shapes of P, W and V; all of them if omitted.
+        True for each weight of P, W and V that was estimated (a free weight); all are free if omitted.
     theta_cov : array_like, shape (n_theta, n_theta), optional
         Covariance of the free weights of P, W and V, row by row; zero if omitted. It is valid if the errors of the free
-        run are white. Combinations of weights that only transform the states, and so do not change the outputs, have
-        zero variance.
+        run are white. Changes of the weights that only transform the states leave the outputs unchanged and have zero
+        variance.
     noise_variance : array_like, shape (n_outputs,), optional
-        Variance of the readings' noise e, squares of the outputs' units; zero if omitted.
+        Variance of the noise e, in the squared units of the outputs; zero if omitted.
     input_names, output_names, input_units, output_units : sequence of str, optional
         Names and units of the signals.
     input_origin, input_scale, output_origin, output_scale : array_like, optional
         Origins and scales of the signals, in their units; 0 and 1 if omitted.
     provenance : mapping of str to str
-        Origin of the model, as free entries.
+        Notes on the origin of the model, such as the identifier and the recordings.
 
     Raises
     ------
@@ -174,7 +174,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
 
     @cached_property
     def system(self) -> System:
-        """Weights in the form that a run needs."""
+        """Weights in the form that the simulation needs."""
         n = len(self.transition)
         basis = Basis(n, self.directions.shape[1] - 1 - n - len(self.terms), len(self.directions), self.terms)
         return System(basis=basis, **weights_of(self))
@@ -191,7 +191,10 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
 
     @property
     def poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues of the states' weights in W: the poles for small signals, if no term acts linearly."""
+        """Poles of the linear part: eigenvalues of the states' weights in W.
+
+        These are the poles for small signals unless a term is linear near zero, such as tanh(x1,1).
+        """
         return np.linalg.eigvals(self.system.linear_parts[0]).astype(np.complex128)
 
     def __str__(self) -> str:
@@ -216,19 +219,19 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         Parameters
         ----------
         recording : Recording, or array_like of shape (n,) or (n_inputs, n)
-            Inputs in the model's units. The first outputs of a recording determine the first state, unless it has none
-            or ``initial`` is given.
+            Inputs in the model's units. If ``initial`` is not given, the first outputs of a recording determine the
+            initial state.
         warmup : int, optional
-            Number of recorded samples that determine the first state, at least 1; they do not count as computed.
-            Defaults to ten for each state, or a third of the recording if that is less.
+            Number of samples whose outputs determine the initial state, at least 1. The response is computed from the
+            next sample on. Defaults to ten samples for each state, but at most a third of the recording.
         initial : array_like, shape (n_states,), optional
-            First state. Without it and without recorded outputs, the run starts from zero.
+            Initial state. If it is not given and there are no recorded outputs, the run starts from zero.
 
         Returns
         -------
         NarxResponse
             Response with ``.outputs`` of shape (n_outputs, n). If the run diverges, ``.status`` says so, and the
-            outputs keep their last value; a run that diverges at its first sample keeps the outputs' origin.
+            outputs keep their last value, or the origin if the run diverges at its first sample.
 
         Raises
         ------
@@ -249,29 +252,29 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         return response_over(drive, values, drive.first, self.output_units, ResponseStatus.DIVERGED, when)
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Return the free run over a `recording`; `steps` has no influence, as the noise is on the readings."""
+        """Return the free run over a `recording`; `steps` has no influence, because the noise is on the readings."""
         whole_number(steps, "steps", most=recording.n_samples - 1)
         return self.simulate(recording)
 
     def free_run_band(self, recording: Recording, *, warmup: int | None = None, level: float = 0.95) -> PredictiveBand:
-        """Return the band that contains a new reading, from noise, uncertain weights and uncertain initial state.
+        """Return the predictive band of new readings in free run.
 
-        The uncertainty of weights and first state is propagated to first order. The band is valid if the errors of the
-        fit are white, as noise on the readings is.
+        The band includes the noise of the readings and, to first order, the uncertainty of the weights and of the
+        initial state. It is valid if the free-run errors of the fit are white.
 
         Parameters
         ----------
         recording : Recording
             Inputs and outputs in the model's units.
         warmup : int, optional
-            Number of samples that determine the first state, as in `simulate`.
+            Number of samples that determine the initial state, as in `simulate`.
         level : float
-            Probability of the band, between 0 and 1.
+            Probability that the band at any one time contains a new reading, between 0 and 1.
 
         Raises
         ------
         ModelError
-            If the recording does not suit the model, the level lies outside 0 to 1, or the run diverges.
+            If the recording does not suit the model, `level` does not lie between 0 and 1, or the run diverges.
         """
         require_suits(recording, self, with_outputs=True, fewest=2)
         half = quantile(level, math.inf)

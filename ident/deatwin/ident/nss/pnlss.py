@@ -22,60 +22,64 @@ from deatwin.plant.recording import Recording
 class Pnlss(StateSpaceIdentifier):
     """Estimator of polynomial nonlinear state spaces that minimises the free-run error; terms may be functions, too.
 
-    The search starts from a linear state space. Subspace identification finds it from the best linear approximation if
-    the input is periodic, otherwise from the samples. Its weights are then refined by the free-run error. The states
-    x1, x2, ... are transformed into the first output, the change of this output, and so on. Each state has an rms value
-    of about one and is uncorrelated with the earlier states, so that x1 is roughly the output and x2 its rate.
+    The estimator starts from a linear state space. Subspace identification finds this linear model from the best linear
+    approximation if the input is periodic, otherwise from the samples; its weights are then refined to the smallest
+    free-run error. Its states x1, x2, ... are transformed so that x1 is roughly the first output, x2 the rate of x1,
+    and so on. Each state has an rms value of about one and is uncorrelated with the earlier states.
 
-    Then all weights are fitted by Levenberg's and Marquardt's method with exact sensitivities. At first the end of each
-    recording is held out, and the search ends when the free-run error on the held-out samples no longer falls. A second
-    search fits all samples. If the held-out error had not stopped falling, the second search continues from the end of
-    the first. Otherwise it begins again at the linear start, and takes as many steps as the first search took to its
-    smallest held-out error; its result is discarded unless its error over all samples is smaller than that of the first
-    search's best model.
+    All weights of the nonlinear model are then fitted by the Levenberg-Marquardt method, in two searches. In the first
+    search, the end of each recording is held out, and the search ends when the free-run error on the held-out samples
+    no longer falls. The second search fits all samples. If the held-out error was still falling, the second search
+    continues from the result of the first. Otherwise the second search starts again from the linear model and takes as
+    many steps as the first search took to its smallest held-out error. The result of the second search is used
+    only if its error over all samples is smaller than that of the first result.
 
     Parameters
     ----------
     states : int
         Number of states.
     degrees : sequence of int
-        Degrees, from 2 on, of the monomials in the equation of the state.
+        Degrees of the monomials in the state equation, each at least 2.
     output_degrees : sequence of int
-        Degrees of the monomials in the equation of the output.
+        Degrees of the monomials in the output equation, each at least 2.
     inputs_in_products : bool
         True if monomials may contain inputs too; False if they contain states only.
     terms, output_terms : sequence of str
-        Further terms of the equations of the state and of the output, as ``"|x2|"``, ``"tanh(s1,1) u"`` or terms with a
-        function that `register_function` has added. The built-in functions are those of NARX terms.
+        Further terms of the state equation and of the output equation, such as ``"|x2|"`` or ``"tanh(s1,1) u"``. Terms
+        may contain the functions of NARX terms, including those added by `register_function`.
     directions : int
-        Number of learned directions. A direction s1, s2, ... is a weighted sum of 1, the states and the inputs. Its
-        weights are estimated too. `terms` and `output_terms` must use each direction.
+        Number of directions (s1, s2, ...). A direction is a weighted sum of 1, the states and the inputs, and its
+        weights are estimated too. Each direction must occur in `terms` or `output_terms`.
     starts : int
-        Number of random starts of the directions; the start with the smallest held-out error is kept.
+        Number of random starts for the weights of the directions; the result with the smallest held-out error is kept.
     feedthrough : bool
         True if the outputs depend on the inputs in the same sample.
     held_out : float
-        Share of each recording, at its end, that is held out: the search stops when the error on this part no longer
-        falls. With 0, all samples are fitted.
+        Share of each recording, at its end, that is held out from the first search. With 0, both searches fit all
+        samples.
     max_steps : int
-        Largest number of steps of a search.
+        Largest number of steps of each search.
     seed : int
-        Seed of the random starts.
+        Seed of the random starts, at least 0.
 
     Attributes
     ----------
     model_ : NonlinearStateSpace
         The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
     status_ : FitStatus
-        Outcome. ``DONE``: the gradient over all samples is small. ``INTERRUPTED``: Ctrl-C. ``HELD_OUT``: the held-out
-        error stopped falling, so the model was deliberately not fitted to the minimum. ``NOT_CONVERGED``: a search
-        reached `max_steps` or could not lower the error further.
-    linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
-        Root mean squares of the free-run error, in the outputs' units. ``linear_error_`` is that of the initial linear
-        model on all samples, ``error_`` that of the final model on all samples, and ``held_out_error_`` that of the
-        model on the held-out samples before it is refitted to all samples (NaN if no samples are held out).
+        Outcome. ``DONE``: the gradient of the error over all samples is small. ``INTERRUPTED``: the fit was ended by
+        Ctrl-C. ``HELD_OUT``: the held-out error stopped falling, so the fit deliberately ended before the minimum.
+        ``NOT_CONVERGED``: the fit reached `max_steps`, or no further step lowered the error.
+    linear_error_ : ndarray, shape (n_outputs,)
+        Rms free-run error of the initial linear model over all samples, in the outputs' units.
+    error_ : ndarray, shape (n_outputs,)
+        Rms free-run error of ``model_`` over all samples, in the outputs' units.
+    held_out_error_ : ndarray, shape (n_outputs,)
+        Rms free-run error on the held-out samples, in the outputs' units, before the model is refitted to all samples;
+        NaN if no samples are held out.
     first_states_ : ndarray, shape (n_recordings, n_states)
-        State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
+        State of the model at the first sample of each recording: the argument ``initial`` of
+        `NonlinearStateSpace.simulate`.
 
     References
     ----------

@@ -18,16 +18,15 @@ class AmplifierOffset(Effect):
 
     .. math:: u \to u + u_0
 
-    The effect has no state. Typical: 2 to 10 V at the film, that is 2.5 to 12.5 mV of the command u at a gain of 800.
-    Signature: a shift of the response y along the voltage axis, :math:`y(-u; u_0) = y(u; -u_0)`, so y is no longer even
-    in u: with y proportional to :math:`u^2` at zero offset, y(u) and y(-u) differ by :math:`4u_0u`, and their sum is
-    about :math:`2u^2`. Under commands of one polarity the offset looks nearly like a gain error. The effect is off at
-    :math:`u_0 = 0`.
+    The effect has no state. u is the command. Typical: 2.5 to 12.5 mV, which is 2 to 10 V at the film for a gain of
+    800. Signature: the response y is shifted along the command axis, so it is no longer even in u. If the response
+    without offset is :math:`y = u^2`, then y(u) and y(-u) differ by :math:`4u_0u`. Under commands of one polarity, the
+    offset looks nearly like a gain error. The effect is off at :math:`u_0 = 0`.
 
     Parameters
     ----------
     offset : float
-        :math:`u_0`, the offset referred to the command, V.
+        :math:`u_0`, the offset of the command, V.
 
     References
     ----------

@@ -20,21 +20,23 @@ class AmplifierSaturation(Effect):
     .. math:: V \to V - s\,[p(V - V_l) - p(-V - V_l)], \qquad p(x) = w\ln(1 + e^{x/w})
 
     The effect has no state. V is the amplifier's voltage. With s = 1 the voltage is clipped at the limit; with a
-    smaller s the voltage rises less steeply beyond the limit. The corner is rounded over w: with w = 20 V the corner is
-    almost sharp; with an output stage that runs out of current, the corner extends over hundreds of volts. Typical: a
-    limit near the top of the range, 2.8 kV. Signature: almost no effect at voltages more than 4w below the limit and,
-    for s = 1, a flat top above the limit, at all frequencies and for both polarities. The amplifier clips the drive, so
-    the ball's ringing remains, whereas an `end_stop` cuts the ringing off. `strain_stiffening` bends the response from
-    low voltage on; a saturation with a wide corner looks like `leakage`. The effect is off at s = 0.
+    smaller s the voltage rises less steeply beyond the limit. The corner at the limit is rounded over w. With w = 20 V
+    the corner is almost sharp; for an output stage that runs out of current, the corner extends over hundreds of volts.
+    Typical: a limit near the top of the range, 2.8 kV.
+
+    Signature: almost no effect at voltages more than 4w below the limit. For s = 1, the voltage has a flat top above
+    the limit, at all frequencies and for both polarities. Clipping of the drive does not cut off the ball's ringing,
+    whereas an `end_stop` does. `strain_stiffening` bends the response at low voltage already. A saturation with a wide
+    corner looks like `leakage`. The effect is off at s = 0.
 
     Parameters
     ----------
     share : float
-        s, the share of the excess that is lost.
+        s, the share of the voltage above the limit that is lost.
     limit : float
-        :math:`V_l`, the voltage above which the amplifier saturates, V at the film.
+        :math:`V_l`, the output voltage at which the amplifier saturates, V.
     rounding : float
-        w, the range of voltage over which the corner is rounded, V at the film.
+        w, the range of output voltage over which the corner is rounded, V.
 
     References
     ----------

@@ -23,13 +23,12 @@ class AmplifierSlew(Effect):
 
     The state V (V) is the amplifier's voltage, with the rate :math:`\dot V` (V/s), and :math:`V_a` is the commanded
     voltage. Far from :math:`V_a` the rate is 1/s upwards and -r/s downwards. Near :math:`V_a`, within the width w, the
-    amplifier is a first-order lag with the time constant sw. w is chosen so that sw is nearly :math:`T_0` = 2 ms:
-    :math:`w^{-2} = (s/T_0)^2 + w_0^{-2}`. The bound :math:`w_0 = 400(1 + 1/r)` V on w acts only at rates far above the
-    typical ones. Typical: 1 to 50 kV/s; r < 1 if the source cannot sink current, so that its voltage falls slowly.
-    Signature: only fast (or only falling) changes are late, and more so at larger amplitude and frequency, whereas
+    amplifier is a first-order lag with the time constant sw. At typical rates, sw is nearly :math:`T_0` = 2 ms. At much
+    higher rates, sw is smaller, because :math:`w^{-2} = (s/T_0)^2 + w_0^{-2}` with :math:`w_0 = 400(1 + 1/r)` V.
+    Typical: 1 to 50 kV/s; r < 1 if the source cannot sink current, so that its voltage falls slowly. Signature: fast
+    changes are late (for small r, mainly falling ones), and the lateness grows with amplitude and frequency.
     `electrode_rc` delays small signals as much as large ones. Upwards means towards positive voltage, so with r other
-    than 1 the response is not even in the voltage. The effect is off at s = 0, where :math:`V = V_a`. For small s the
-    effect is a lag with the time constant :math:`sw_0`.
+    than 1 the response is not even in the voltage. The effect is off at s = 0, where :math:`V = V_a`.
 
     Parameters
     ----------
@@ -40,9 +39,9 @@ class AmplifierSlew(Effect):
 
     Notes
     -----
-    The equation is :math:`s\dot V = g(x)` with a bounded g, multiplied by x/g(x). In this form Newton's method
-    converges from a distant command, and s = 0 is exact. If the voltage reaches the command within a sample, the
-    integrator overshoots by up to 3 % of the jump until the next sample.
+    The equation is :math:`s\dot V = g(x)` with a bounded g, multiplied by x/g(x). In this form, Newton's method
+    converges even if V is far from :math:`V_a`, and s = 0 is exact. If V reaches :math:`V_a` within a sample, the
+    computed V overshoots by up to 3 % of the jump until the next sample.
 
     References
     ----------

@@ -19,14 +19,16 @@ class Backlash(Effect):
 
     .. math:: u \to e = u - C_w(u - m), \qquad (t_e - t + \delta)\,\dot m = e - m
 
-    :math:`C_w` limits its argument to -w and w, with corners rounded by :math:`10^{-6}w`. The transmitted command is e.
-    The effect has one state m (V), the transmitted command of the previous sample; during a sample m moves linearly and
-    reaches e at the end of the sample, at the time :math:`t_e`, with :math:`\delta = 10^{-4}` of a sample to avoid a
-    division by zero. For commands held constant within each sample, e is exactly the play operator. The state starts in
-    the middle of the clearance. Typical: gears, linkages and the stems of valves, 1 to 10 % of the stroke. Signature: a
-    rate-independent loop whose parallel sides are 2w apart along the command, whatever the size of the motion; commands
-    that vary by less than 2w have no effect. `coulomb_friction` acts on the force, so the inertia of the moved part can
-    carry that part across the loop; if the command sets a position, backlash and Coulomb friction look alike. A
+    u is the command and e the transmitted command. :math:`C_w` limits its argument to the range from -w to w, with
+    corners rounded by :math:`10^{-6}w`. The effect has one state m (V). At the start of each sample, m is the
+    transmitted command of the previous sample. During the sample, m changes linearly and reaches e at the end of the
+    sample, the time :math:`t_e`; :math:`\delta`, which is :math:`10^{-4}` of a sample, avoids a division by zero. For
+    commands held constant within each sample, e is exactly the output of the play operator. The state starts in the
+    middle of the clearance. Typical: gears, linkages and the stems of valves, 1 to 10 % of the stroke.
+
+    Signature: a rate-independent loop whose parallel sides are 2w apart along the command, whatever the size of the
+    motion. Commands that vary by less than 2w have no effect. With `coulomb_friction`, the inertia of the moved part
+    can carry this part across the loop; if the command sets a position, backlash and Coulomb friction look alike. A
     `dead_zone` has no loop. The effect is off at w = 0.
 
     Parameters

@@ -29,7 +29,7 @@ class Family(Enum):
 
 
 class Place(Enum):
-    """Place in the plant where an effect acts; a plant of another kind may declare its own `Enum`."""
+    """Place in the plant where an effect acts. A plant of another kind may declare an `Enum` of its own."""
 
     DRIVE = "drive"
     FILM = "film"
@@ -39,13 +39,13 @@ class Place(Enum):
 
 
 class Alone(Enum):
-    """Ability of a single reading to show that an effect acts at a further place (`Site`) and not elsewhere.
+    """Ability of a single sensor to show that an effect acts at a further place (`Site`) and not elsewhere.
 
-    - ``TOLD``: the reading may show the place, so a diagnosis always tries the effect there;
-    - ``AS_FIRST``: the reading is the same as with the effect at its first place, if the plant does not depend on the
-      clock;
-    - ``AS_ANOTHER``: the reading is nearly the same as with another effect, so a diagnosis tries the place only as a
-      replacement for an effect that it has found.
+    - ``TOLD``: the readings may show the place. A diagnosis always tries the effect there.
+    - ``AS_FIRST``: the readings are the same as for the effect at its first place, unless the plant depends on the
+      clock. A diagnosis tries the place only if there are further sensors.
+    - ``AS_ANOTHER``: the readings are nearly the same as for another effect. Without further sensors, a diagnosis tries
+      the place only as a replacement for an effect that it has found.
     """
 
     TOLD = "told"
@@ -60,7 +60,7 @@ class Site:
     Parameters
     ----------
     place : Enum
-        Place in the plant, as `Effect.place`.
+        Further place in the plant; see `Effect.place`.
     signal : str
         Signal that the effect rewrites at this place.
     wording : str
@@ -74,7 +74,7 @@ class Site:
     order : int
         Number that sorts effects at this place into the order in which they act; see `Effect.order`.
     alone : Alone
-        Ability of a single reading to distinguish this place from others; see `Alone`.
+        Ability of a single sensor to distinguish this place from others; see `Alone`.
     covered_by : str
         Name of another effect that acts in the same way at this place. On a plant that accepts that other effect, the
         present effect cannot act at this place.
@@ -95,70 +95,73 @@ class Site:
 class Effect(ABC):
     """Base class of effects: physics that changes one signal of a plant and vanishes exactly at a strength of zero.
 
-    The fields of a subclass are its physical parameters in SI units. The class variables `name`, `place`, `signal`
-    and `strength` give the name of the effect, where it acts, and the parameter that is its strength.
+    The fields of a subclass are its physical parameters in SI units. One of these is the strength; the others are shape
+    parameters. The class variables `name`, `place`, `signal` and `strength` give the name of the effect, the place and
+    the signal at which it acts, and the name of the parameter that is the strength.
     """
 
     name: ClassVar[str]
     family: ClassVar[Enum]
-    """A `Family`; as for places, another plant may declare an `Enum` of its own."""
+    """A `Family`; a plant of another kind may declare an `Enum` of its own."""
     place: ClassVar[Enum]
     signal: ClassVar[str]
     strength: ClassVar[str]
     order: ClassVar[int] = 0
-    """Number that sorts the effects at one signal; those of lower order act first."""
+    """Number that sorts the effects at one signal; effects with a smaller number act first."""
     event: ClassVar[str] = ""
-    """Name of the shape parameter that is the time of an event, if any. The effect sets in at once at that time, so a
-    fit cannot move it; it is found by search."""
+    """Name of the shape parameter that is the time of an event; empty without one. The effect begins abruptly at that
+    time, so a gradient-based fit cannot change the time, and it is found by search."""
     threshold: ClassVar[str] = ""
-    """Name of the shape parameter that is a threshold, if any: a level of the amplifier's voltage for an effect in the
-    drive, else of the reading. Below it the effect does nothing, so that a fit must start from a level that occurs."""
+    """Name of the shape parameter that is a threshold; empty without one. It is a value of the amplifier's voltage for
+    an effect in the drive, otherwise of the reading. Below the threshold the effect does nothing, so a fit must start
+    from a value that the signal exceeds."""
     becomes: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """Parameters at whose smallest value this effect equals another effect, with that effect's name."""
+    """Maps the name of a parameter to the name of another effect that this effect equals at the parameter's smallest
+    value."""
     remembers: ClassVar[str] = ""
-    """Unit of a state that keeps the distant past, if any. If the start of an experiment is unknown, a parameter
-    ``effect.at_start`` displaces that state from rest."""
+    """Unit of the effect's state with a long memory; empty without one. If the history before an experiment is unknown,
+    the parameter ``effect.at_start`` displaces this state from rest."""
     wording: ClassVar[str]
-    """Sentence that says what the physics does, with ``{parameter}`` fields."""
+    """Sentence that says what the effect does, with fields such as ``{strength}`` for parameter values."""
     places: ClassVar[Mapping[str, Site]] = MappingProxyType({})
-    """Further places at which the effect may enter, by name. The first place has the name of its signal."""
+    """Further places at which the effect may act, by name. The first place is `place`."""
     placed_at: ClassVar[str] = ""
-    """Name of the further place at which this effect enters; empty at the first one."""
+    """Name of the further place at which this effect acts; empty at the first place."""
     title: ClassVar[str] = ""
-    """Name of the effect at a further place within a sentence; empty at the first one, where it is `name` in words."""
+    """Name of an effect at a further place, for use in a sentence; empty at the first place."""
 
     @abstractmethod
     def describe(self) -> tuple[Parameter, ...]:
-        """Parameters with unit, range and source, named as the fields."""
+        """Return a description of each field: its value, unit, range and source, under the field's name."""
 
     @abstractmethod
     def rewrite(self, signal: Any, build: Builder) -> Any:
-        """Return `signal`, a symbol or an object, as changed by this effect; states and equations go into `build`."""
+        """Return the changed `signal`, a symbol or an object; states and equations are added to `build`."""
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Suggest start points of a fit from a residual.
+        """Suggest starting values for a fit of this effect from a residual.
 
         Parameters
         ----------
         timepts : ndarray, shape (n,)
             Clock times of the readings, s.
         residual : ndarray, shape (n,)
-            Measured minus simulated without this effect, SI.
+            Measured minus simulated readings without this effect, SI.
 
         Returns
         -------
         tuple of Effect
-            This effect with promising values; empty by default, in which case a grid of values is tried.
+            This effect with each set of starting values. If it is empty, as by default, a grid of values is tried.
         """
         return ()
 
     def cycle(self, measured: Collection[str]) -> float:
-        """Return the period of the effect's cycle, s; 0 if it has none, or a channel in `measured` shows the cycle."""
+        """Return the period of a periodic effect in s; 0 without one, or if a channel in `measured` shows the cycle."""
         return 0.0
 
     @property
     def cause(self) -> str:
-        """Name of the effect without its place: the `name` that it has at its first place."""
+        """Name of the effect without its place: the `name` that the effect has at its first place."""
         return self.name.removesuffix(f"_at_{self.placed_at}") if self.placed_at else self.name
 
     def placed(self, at: str) -> Effect:
@@ -172,7 +175,7 @@ class Effect(ABC):
         Returns
         -------
         Effect
-            Effect with the name ``effect_at_place``.
+            Effect with a name such as ``periodic_disturbance_at_force``.
 
         Raises
         ------
@@ -191,12 +194,12 @@ class Effect(ABC):
 
     @property
     def entry(self) -> str | dict[str, Any]:
-        """Return what a model file stores to identify the effect's equations, without parameter values."""
+        """Entry of a model file that identifies the effect's equations, without parameter values."""
         return self.name
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the parameters under their names in a plant, ``effect.name``."""
+        """Descriptions of the parameters under their names in a plant, such as ``creep.time``."""
         return tuple(replace(p, name=f"{self.name}.{p.name}") for p in self.describe())
 
     def described(self, name: str) -> Parameter:
@@ -205,11 +208,11 @@ class Effect(ABC):
 
     @property
     def shapes(self) -> tuple[str, ...]:
-        """Names of the parameters other than the strength."""
+        """Names of the shape parameters, which are all parameters except the strength."""
         return tuple(f.name for f in fields(self) if f.name != self.strength)
 
     def own(self, name: str, build: Builder) -> Any:
-        """Return the symbol of this effect's parameter in field `name` of the builder `build`."""
+        """Return the symbol that the builder `build` has for this effect's parameter in field `name`."""
         return build.own(f"{self.name}.{name}")
 
 

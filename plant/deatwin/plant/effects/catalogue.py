@@ -64,7 +64,7 @@ def _loaded(point: EntryPoint) -> type[Effect]:
 
 
 def catalogue() -> tuple[Effect, ...]:
-    """Return every known effect at its typical strength, sorted by name."""
+    """Return all effects, including those of installed packages, at their typical strength and sorted by name."""
     return tuple(kind() for kind in _types().values())
 
 
@@ -76,12 +76,12 @@ def machine_catalogue() -> tuple[Effect, ...]:
 
 @taking(name=instance(str, error=RigError))
 def effect_named(name: str) -> Effect:
-    """Return an effect by its canonical name, at its typical strength.
+    """Return the effect with a given name, at its typical strength.
 
     Parameters
     ----------
     name : str
-        Canonical name, for example ``"creep"``.
+        Name, such as ``"creep"``, or ``"delay_at_reading"`` for an effect at a further place.
 
     Raises
     ------

@@ -18,17 +18,19 @@ class ChargeInjection(Effect):
 
     .. math:: V \to V - V_q, \qquad \tau_q\dot V_q = bV - V_q
 
-    The effect has one state :math:`V_q` (V), the voltage of the space charge, zero at first. Typical: b = 0.01 to 0.1,
-    10 to :math:`10^4` s. Signature: after a step of the film voltage V, the force falls to :math:`(1-b)^2` of its first
-    value, whereas `dielectric_absorption` and `creep` make the motion grow; when V returns to 0, the remaining charge
-    still causes a force proportional to :math:`(bV)^2`; after a reversal of polarity, the force starts at
-    :math:`(1+b)^2` of the ideal force. The response is therefore not even in the present voltage, but it is unchanged
-    if the sign of the whole history is reversed. The effect is off at b = 0.
+    V is the film voltage. The effect has one state :math:`V_q` (V), the voltage of the space charge, which is initially
+    zero. Typical: b = 0.01 to 0.1, :math:`\tau_q` = 10 to :math:`10^4` s.
+
+    Signature: after a step of V, the force falls to :math:`(1-b)^2` of its first value, whereas `dielectric_absorption`
+    and `creep` make the motion grow. After V returns to 0, the remaining charge still causes a force proportional to
+    :math:`(bV)^2`. After a reversal of polarity, the force starts at :math:`(1+b)^2` of its value without space charge.
+    The response therefore depends on the sign of the present voltage, but it does not change if the sign of the whole
+    history is reversed. The effect is off at b = 0.
 
     Parameters
     ----------
     share : float
-        b, the share of a lasting voltage that the space charge cancels.
+        b, the share of a constant voltage that the space charge finally cancels.
     time : float
         :math:`\tau_q`, the time constant of the injection, s.
 

@@ -15,23 +15,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class CoulombFriction(Effect):
-    r"""Coulomb friction on the ball, which sticks, or slips slowly, until the force exceeds the friction force.
+    r"""Coulomb friction on the ball: the ball sticks, or creeps slowly, until the driving force exceeds the friction.
 
     .. math:: F = -F_c\,\zeta, \qquad \zeta = P\Bigl(\frac{v_r\zeta + v}{v_r + v_s}\Bigr), \qquad
               P(x) = \tfrac12\Bigl[\sqrt{(x + 1)^2 + w^2} - \sqrt{(x - 1)^2 + w^2}\Bigr]
 
-    The effect has one dimensionless coordinate :math:`\zeta` between -1 and 1. P limits its argument to the range from
-    -1 to 1, with corners rounded by w = 0.0001; v is the ball's velocity. For any :math:`v_r` the equations mean that
-    :math:`v = v_s\zeta` while the ball sticks, and :math:`\zeta = \pm1` in the direction of v while the ball slides. A
-    sticking ball creeps at no more than :math:`v_s`: with 50 nm/s the ball practically stands still; in a greased guide
-    :math:`v_s` may be a millimetre per second. The numerical constant :math:`v_r = v_s + bF_c`, with b of the order of
-    sample time divided by mass, lets Newton's method converge within a sample. If the force were a steep function of v,
-    the method would not converge. Typical: 1 to 5 % of the ball's weight, 0.3 to 1.5 mN, which displaces the film of
-    stiffness k by 10 to 50 µm; :math:`v_s` = 0.1 mm/s, from which a fit can reach firm sticking as well as fast slip.
-    Signature, if the motion is much faster than :math:`v_s`: a plateau after each reversal, until the driving force has
-    changed by :math:`2F_c`; a loop of width :math:`2F_c/k`, at any rate and at any amplitude above that width. In
-    slower motion the friction acts as a damper of :math:`F_c/v_s`, without plateaus. `hysteresis` instead resists
-    motions smaller than its `distance` elastically, with hardly a loop. The effect is off at :math:`F_c = 0`.
+    v is the ball's velocity. The effect has one dimensionless algebraic unknown :math:`\zeta` between -1 and 1. P
+    limits its argument to the range from -1 to 1, with corners rounded by w = 0.0001. While the ball slides,
+    :math:`\zeta` is 1 or -1, with the sign of v. While it sticks, it creeps at :math:`v = v_s\zeta`, which is no faster
+    than :math:`v_s`. With :math:`v_s` = 50 nm/s the ball practically stands still; in a greased guide :math:`v_s` may
+    be a millimetre per second. The numerical constant :math:`v_r = v_s + bF_c` does not change the solution. With b of
+    the order of sample time divided by mass, it makes Newton's method converge. Typical: 1 to 5 % of the ball's weight,
+    0.3 to 1.5 mN, which displaces a film of stiffness k by 10 to 50 µm. The default :math:`v_s` = 0.1 mm/s is a start
+    from which a fit can reach firm sticking as well as fast creep.
+
+    Signature, if the motion is much faster than :math:`v_s`: after each reversal, the ball rests until the driving
+    force has changed by :math:`2F_c`. The loop has the width :math:`2F_c/k` at any rate, and at any amplitude above
+    this width. In slower motion the friction acts as a damper with the constant :math:`F_c/v_s`, and the ball does not
+    rest. `hysteresis` instead resists motions smaller than its `distance` elastically, with hardly a loop. The effect
+    is off at :math:`F_c = 0`.
 
     Parameters
     ----------

@@ -20,14 +20,14 @@ class Creep(Effect):
     .. math:: W \to W + \mu_c\, e(\lambda/\xi), \qquad
               \tau_c\,\frac{d\ln\xi}{dt} = -\frac{1}{\kappa}\frac{\partial e}{\partial\ln\xi}
 
-    W is the film's strain energy density and :math:`\lambda` its stretch. The effect has one dimensionless state, the
-    viscous stretch :math:`\xi` (two states at each point of a film that is divided into elements). e is the neo-Hookean
-    energy of the branch's spring for a modulus of 1, and :math:`\kappa` is the curvature of e in the relaxed state.
-    Typical for VHB: 10 to 60 kPa, 6 to 500 s; the gain is 15 to 20 % higher for a constant voltage than at 1 Hz.
-    Signature: after each change of the mean voltage the motion continues slowly, nearly in proportion to the change of
-    the squared voltage, and it recovers when the voltage returns. With `dielectric_absorption`, the electrical stress
-    continues to change even if the film is blocked; `permittivity_drift` does not recover. The effect is off at
-    :math:`\mu_c = 0`.
+    W is the film's strain energy density and :math:`\lambda` the film's stretch. The effect has one dimensionless
+    state, the viscous stretch :math:`\xi` (two states at each point of a film that is divided into elements). e is the
+    neo-Hookean energy of the branch's spring for a modulus of 1, and :math:`\kappa` is the curvature of e in the
+    relaxed state. Typical for VHB: 10 to 60 kPa, 6 to 500 s; the stroke for a constant voltage is 15 to 20 % larger
+    than at 1 Hz. Signature: after each change of the mean voltage the motion continues slowly, nearly in proportion to
+    the change of the squared voltage, and the film recovers when the voltage returns. With `dielectric_absorption`, the
+    electrical stress continues to change even if the film is blocked; `permittivity_drift` does not recover. The effect
+    is off at :math:`\mu_c = 0`.
 
     Parameters
     ----------

@@ -20,9 +20,9 @@ class DeadZone(Effect):
     .. math:: u \to p(u - w) - p(-u - w), \qquad p(x) = \epsilon\ln(1 + e^{x/\epsilon})
 
     The effect has no state. u is the command. The corners are rounded over :math:`\epsilon` = 5 mV. Typical: the
-    overlap of a valve's spool, 2 to 20 % of its stroke; the base-emitter voltages of an output stage. Signature:
-    static, odd in the command, the same at all frequencies; small motions are lost, and larger ones are reduced by the
-    same amount. `coulomb_friction` and `backlash` cause a loop; a dead zone does not. The effect is off at w = 0.
+    overlap of a valve's spool, 2 to 20 % of its stroke; the base-emitter voltages of an output stage. Signature: the
+    loss of command is static, odd in the command, and the same at all frequencies. `coulomb_friction` and `backlash`
+    cause a loop; a dead zone does not. The effect is off at w = 0.
 
     Parameters
     ----------

@@ -30,34 +30,34 @@ class Delay(Effect):
     r"""The command acts after a dead time.
 
     With the sample time h, the delay is :math:`\tau_d/h = k + \sigma` samples: k whole samples and the fraction
-    :math:`\sigma`.
+    :math:`\sigma`. The command of k samples ago is :math:`u_{-k}`.
 
     .. math:: u \to u_{-k-1} \ \text{during the first fraction} \ \sigma \ \text{of a sample}, \quad
               u_{-k} \ \text{during the rest}
 
-    The effect has no state: the earlier commands, :math:`u_{-k}` from k samples ago, are inputs. A sample is divided at
-    the time at which the command jumps, and each part is solved in its own step, so that the jump does not reduce the
-    accuracy. If the reading follows the command instantaneously (`Rig.follows_at_once`), the reading does not show when
-    within a sample the command jumped. On such a rig the command becomes :math:`u_{-k} + \sigma\,(u_{-k-1} - u_{-k})`,
-    as if it were interpolated and not held, so that a fit can move from one whole sample to the next. Typical: 0 to 40
-    ms. Signature: a phase lag proportional to frequency, 7.2° per 20 ms at 1 Hz, without a change of gain. Below 1 Hz,
-    an `electrode_rc` or `sensor_lag` with a short time constant looks like a delay; above 5 Hz, both of them reduce the
-    gain. The effect is off at :math:`\tau_d = 0`.
+    The effect has no state, because the earlier commands are inputs. A sample is divided at the time at which the
+    command jumps. Each part is solved in its own step, so that the jump does not reduce the accuracy. If the reading
+    follows the command instantaneously (`Rig.follows_at_once`), the reading does not show when within a sample the
+    command jumped. On such a rig, the command becomes the interpolated :math:`u_{-k} + \sigma\,(u_{-k-1} - u_{-k})`, so
+    that the reading is a continuous function of :math:`\tau_d`. Typical: 0 to 40 ms. Signature: a phase lag
+    proportional to frequency, 7.2° per 20 ms at 1 Hz, without a change of gain. Below 1 Hz, an `electrode_rc` or
+    `sensor_lag` with a short time constant looks like a delay; above 5 Hz, both reduce the gain. The effect is off at
+    :math:`\tau_d = 0`.
 
-    `placed` moves the delay to the ``reading``, for example of a camera. The whole reading is then delayed, except for
-    its noise. Within a sample, the delayed reading is computed from the polynomial through the values of the reading y
-    at the n stages of the integrator. The coefficients of this polynomial follow from the moments :math:`m_j` of the
-    reading over the sample (i and j run from 0 to n - 1):
+    ``Delay().placed("reading")`` delays the reading instead, such as that of a camera. A delay by a fraction of a
+    sample is computed from the polynomial through the values of the reading y at the n stages of the integrator. The
+    coefficients of this polynomial follow from the moments :math:`m_j` of the reading over the sample (i and j run from
+    0 to n - 1):
 
     .. math:: y(t_{k+1} - \sigma h) = \sum_{i,j} \sigma^i (H^{-1})_{ij} m_j, \qquad
               m_j = \frac1h \int_{t_k}^{t_{k+1}} \Big(\frac{t_{k+1}-t}{h}\Big)^j y\,dt, \qquad
               H_{ij} = \frac{1}{i+j+1}
 
-    With five stages, the error is at most :math:`(\omega h)^5/15000` of the amplitude of a component with the angular
-    frequency :math:`\omega`, and zero at whole samples. The corners that held commands cause in the motion lie on
-    sample boundaries and cause no error. If both command and reading are delayed by fractions of a sample, such a
-    corner lies within a sample, and the polynomial rounds it. A single reading cannot distinguish a delay of the
-    command from a delay of the reading; a second reading without delay can.
+    With five stages, the error of a component with the angular frequency :math:`\omega` is at most
+    :math:`(\omega h)^5/15000` of its amplitude; for whole samples the error is zero. Corners of the motion, which held
+    commands cause, lie on sample boundaries and cause no error. If both command and reading are delayed by fractions of
+    a sample, the corners lie within a sample, and the polynomial rounds them. A single sensor cannot distinguish a
+    delay of the command from a delay of the reading; a second sensor without delay can.
 
     Parameters
     ----------

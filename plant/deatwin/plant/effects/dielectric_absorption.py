@@ -18,15 +18,16 @@ class DielectricAbsorption(Effect):
 
     .. math:: V^2 \to V^2 - a\,V\,(V - p), \qquad \tau\dot p = V - p
 
-    V is the film voltage. The effect has one state p (V), the voltage to which the slow dipoles have adapted. The rig's
-    permittivity is its value after relaxation; the share (1 - a) of this value acts instantly. One p represents the
-    whole film, and the dipoles stretch with the film; a polarisation per volume that stays constant when the film is
-    stretched would be another choice. Typical for VHB: a = 0.01 to 0.05, 1 to 1000 s. The stress and the reading
-    ``current`` follow D; the reading ``capacitance`` follows the instantaneous permittivity; the charge in
-    `electrode_rc` follows the permittivity after relaxation. Signature: the film remembers the voltage, not the motion,
-    so the effect appears in a blocked film too, and is proportional to the product of present and past voltage. The
-    motion grows after a step as with `creep`, but nothing remains at 0 V (E D vanishes at once), and after a reversal
-    of polarity the force starts at :math:`(1 - 2a)` of the ideal force and recovers. The effect is off at a = 0.
+    V is the film voltage. The effect has one state p (V), the voltage to which the slow dipoles have adapted; one p
+    represents the whole film. The permittivity of the rig is the value after relaxation; the share (1 - a) of this
+    value acts instantly. The stress and the reading ``current`` follow D. The reading ``capacitance`` follows the
+    instantaneous permittivity, and the charge in `electrode_rc` follows the permittivity after relaxation. Typical for
+    VHB: a = 0.01 to 0.05, :math:`\tau` = 1 to 1000 s.
+
+    Signature: part of the stress is proportional to the product of present and past voltage. This memory is of the
+    voltage and not of the motion, so the effect appears in a blocked film too. After a step, the motion grows as with
+    `creep`, but at 0 V nothing remains, because E D vanishes at once. After a reversal of polarity, the force starts at
+    :math:`(1 - 2a)` of its final value and recovers. The effect is off at a = 0.
 
     Parameters
     ----------

@@ -16,20 +16,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class DryFriction(CoulombFriction):
-    r"""Dry friction of a machine, which may be larger at rest than in motion, and larger forwards than backwards.
+    r"""Dry friction of a machine, which may depend on speed and direction.
 
     .. math:: F = -F_c\,\zeta\,(1 + a\,\zeta)\,\bigl(1 + s\,e^{-(v/v_S)^2}\bigr)
 
-    v is the velocity. :math:`\zeta` is 1 in forward and -1 in backward sliding; a sticking part creeps at
-    :math:`v = v_s\zeta` with :math:`\zeta` between these values (`CoulombFriction` gives the equation). On rigs that
-    are not film actuators, this class replaces `CoulombFriction` under the same name. s > 0 is stiction with the
-    Stribeck curve: the moving part breaks loose at :math:`(1 + s)F_c`, and far above the speed :math:`v_S` the friction
-    is :math:`F_c`. a > 0 gives more friction forwards, as in a drive that lifts or a seal with one lip. Typical: s from
-    0 to 1; :math:`v_S` from 2 to 40 % of the usual speed, because a smaller :math:`v_S` is hidden by the slip of a
-    sticking part, and a larger one looks like viscous damping; a from -0.3 to 0.3. Signature of s: in small motion the
-    part sticks, breaks loose with a jump and may oscillate (stick-slip). Signature of a: a shift of the force by
-    :math:`aF_c` while the part moves, whereas the shift by an `amplifier_offset` is also present at rest. The effect is
-    off at :math:`F_c = 0`.
+    v is the velocity. :math:`\zeta` is 1 in forward and -1 in backward sliding. Between these values, the part sticks
+    and creeps at :math:`v = v_s\zeta` (`CoulombFriction` gives the equation). On rigs that are not film actuators, this
+    class replaces `CoulombFriction` under the same name.
+
+    s > 0 gives stiction with the Stribeck curve: for a = 0, the part breaks loose at :math:`(1 + s)F_c`, and far above
+    the speed :math:`v_S` the friction is :math:`F_c`. a > 0 gives more friction forwards than backwards, as in a drive
+    that lifts or a seal with one lip. Typical: s from 0 to 1, a from -0.3 to 0.3, and :math:`v_S` from 2 to 40 % of the
+    usual speed. A smaller :math:`v_S` is hidden by the creep of the sticking part, and a larger one looks like viscous
+    damping. Signature of s: in small motion the part sticks, breaks loose with a jump and may oscillate (stick-slip).
+    Signature of a: a shift of the force by :math:`aF_c` while the part moves, whereas the shift by an
+    `amplifier_offset` is also present at rest. The effect is off at :math:`F_c = 0`.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ class DryFriction(CoulombFriction):
     speed : float
         :math:`v_S` in m/s, the speed at which stiction fades.
     unevenness : float
-        a, the difference between forward and backward friction, divided by their sum.
+        a, the forward friction minus the backward friction, divided by the sum of both.
 
     References
     ----------

@@ -24,15 +24,15 @@ def rate_of(share: Any, time: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class ElectrodeLoss(Effect):
-    r"""Part of the electrode's area loses contact at some time: its rim, if it is round.
+    r"""Part of the electrode's area loses contact at some time; in a round electrode, this part is the rim.
 
     .. math:: A(t) = A\,[1 - l\;S(4(t - t_0)/h)], \qquad S(x) = \frac{1}{1 + e^{-x}}
 
-    A is the electrode's area and h the sample time, so that the loss takes about one sample. The effect has no state. A
-    rim that has lost some of its contacts is described as a narrower rim that has lost all of them. Typical: steps of 1
-    to 50 % of the area. Signature: from :math:`t_0` on, the motion is smaller by a share that hardly depends on the
-    voltage (half the relative change of the area), while the sag at 0 V stays. A `sensor_jump` instead shifts all
-    readings alike, and a `permittivity_drift` has more influence at high voltage. The effect is off at l = 0.
+    A is the electrode's area and h the sample time, so that the loss takes about one sample. The effect has no state.
+    Typical: steps of 1 to 50 % of the area. Signature: from :math:`t_0` on, the motion is smaller by a share that
+    hardly depends on the voltage (half the relative change of the area), while the sag at 0 V stays the same. A
+    `sensor_jump` shifts all readings alike, and the relative effect of a `permittivity_drift` grows with the voltage.
+    The effect is off at l = 0.
 
     Parameters
     ----------

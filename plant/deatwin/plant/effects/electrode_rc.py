@@ -19,20 +19,21 @@ class ElectrodeRC(Effect):
 
     .. math:: R\,\frac{d}{dt}\bigl[(C(q) + C_p)V\bigr] = V_a - V
 
-    C(q) is the film's capacitance in the shape q, :math:`C_0` its value at rest, :math:`V_a` the amplifier's voltage, V
-    the film's voltage. :math:`C_p` is the capacitance in parallel with the film behind the resistance R: cable, probe,
-    output filter of a converter. Divided by the capacitance at rest, :math:`C_0 + C_p`, the equation is
+    :math:`V_a` is the amplifier's voltage and V the film's voltage. C(q) is the film's capacitance, which depends on
+    the film's shape q, and :math:`C_0` is its value at rest. :math:`C_p` is the capacitance in parallel with the film
+    behind the resistance R: cable, probe, output filter of a converter. Divided by :math:`C_0 + C_p`, the equation is
 
     .. math:: \tau\dot\chi = V_a - V, \qquad V = \chi/c, \qquad c = 1 + s\,\Bigl(\frac{C(q)}{C_0} - 1\Bigr), \qquad
               s = \frac{C_0}{C_0 + C_p}
 
     The effect has one state :math:`\chi` (V), the charge divided by :math:`C_0 + C_p`. A part of the electrode that
     loses contact (`electrode_loss`) takes along its share of C(q) and of the charge, so that the voltage does not jump.
-    Typical: :math:`\tau` of 0.1 ms or less with fresh carbon grease, of 10 to 300 ms with dried grease or a bad contact
-    (10 to 100 MΩ, 1 to 3 nF). Signature: the lag acts before the film squares the voltage, so harmonics are attenuated;
-    the phase lag grows with frequency and, since C(q) grows threefold up to 3 kV, with the voltage. A `delay`
-    attenuates no harmonics and does not depend on the voltage. The effect is off at :math:`\tau = 0`, where
-    :math:`V = V_a`.
+    Typical: :math:`\tau` is 0.1 ms or less with fresh carbon grease, and 10 to 300 ms with dried grease or a bad
+    contact (10 to 100 MΩ, 1 to 3 nF).
+
+    Signature: the lag acts before the film squares the voltage, so harmonics are attenuated. The phase lag grows with
+    frequency. It also grows with the voltage, because C(q) grows threefold up to 3 kV. A `delay` attenuates no
+    harmonics and does not depend on the voltage. The effect is off at :math:`\tau = 0`, where :math:`V = V_a`.
 
     Parameters
     ----------
@@ -40,8 +41,8 @@ class ElectrodeRC(Effect):
         :math:`\tau = R(C_0 + C_p)`, the time constant of charging at rest, s.
     film_share : float
         s, the film's share of :math:`C_0 + C_p`: 1 if the resistance is the electrode's own, 0 for an amplifier lag
-        that is independent of the film. By default film and parallel capacitance count equally: metres of cable at 0.1
-        nF/m and a probe add up to the film's 0.9 nF.
+        that is independent of the film. The default 0.5 means that cable and probe have the same capacitance as the
+        film at rest, about 0.9 nF.
 
     References
     ----------

@@ -15,20 +15,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class EndStop(Effect):
-    r"""Beyond a position the ball meets an elastic stop, which may absorb energy.
+    r"""Beyond a certain position, the ball meets an elastic stop, which may absorb energy.
 
     .. math:: F = -k\,d\,\Bigl(1 + \frac{\lambda v}{\sqrt{1 + \lambda^2 v^2}}\Bigr), \qquad
               d = w\ln\bigl(1 + e^{(y - y_s)/w}\bigr)
 
-    The effect has no state. y is the displacement from rest, downwards; d is the depth of contact, with the first touch
-    rounded over w = 5 µm. v is the ball's velocity. In slow contact the force is kd. With λ = 0 it is kd at any speed,
-    and no energy is lost. Otherwise the force is larger on the way in and smaller on the way out. At speeds far above
-    1/λ it is 2kd on the way in and zero on the way out. The stop never pulls. A slow impact at :math:`v_0` loses
-    :math:`4/3\,\lambda v_0` of the energy. Typical: 100 N/m for foam, and 20 s/m, a fifth of the energy at 10 mm/s. 3
-    kN/m is 100 times the film's stiffness :math:`k_f` and practically rigid; ringing on a harder stop cannot be
-    resolved with 50 samples a second. Signature: no effect below :math:`y_s`; above :math:`y_s` the stroke grows by
-    only :math:`k_f/(k_f + k)` of its growth without a stop, at any voltage and frequency, and the ball's ringing is cut
-    on one side. An `amplifier_saturation` limits the drive, so the ball still overshoots. The effect is off at k = 0.
+    The effect has no state. y is the displacement from rest, downwards, and v is the ball's velocity. d is the depth of
+    contact; the onset of contact is rounded over w = 5 µm. With λ = 0 the force is kd at any speed, and no energy is
+    lost. Otherwise the force is larger than kd on the way in and smaller on the way out: at speeds far above 1/λ, it is
+    2kd on the way in and zero on the way out. The stop never pulls. A slow impact at the speed :math:`v_0` loses the
+    share :math:`4/3\,\lambda v_0` of the energy. Typical: k = 100 N/m for foam; λ = 20 s/m, which takes a fifth of the
+    energy of an impact at 10 mm/s. A stop of 3 kN/m is 100 times stiffer than the film and practically rigid.
+
+    Signature: no effect below :math:`y_s`. Above :math:`y_s`, the stroke grows by only :math:`k_f/(k_f + k)` of its
+    growth without a stop, at any voltage and frequency; :math:`k_f` is the film's stiffness. The ball's ringing is cut
+    off on one side. An `amplifier_saturation` limits the drive, so the ball still overshoots. The effect is off at
+    k = 0.
 
     Parameters
     ----------
@@ -37,7 +39,7 @@ class EndStop(Effect):
     position : float
         :math:`y_s`, the displacement at which the ball touches the stop, m.
     loss : float
-        :math:`\lambda`, which sets the energy lost in an impact, s/m; 0 for none.
+        :math:`\lambda`, which determines the energy lost in an impact, s/m; 0 for no loss.
 
     References
     ----------
@@ -58,7 +60,7 @@ class EndStop(Effect):
     threshold: ClassVar[str] = "position"
     wording: ClassVar[str] = "The ball meets a stop of {stiffness} at {position}"
     width: ClassVar[float] = 5e-6
-    """Rounding w of the first touch, m."""
+    """Rounding w of the onset of contact, m."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

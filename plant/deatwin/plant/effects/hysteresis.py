@@ -22,14 +22,15 @@ class Hysteresis(Effect):
     .. math:: F = -F_h\,\zeta, \qquad x_h\,\dot\zeta = v - \beta\,|v|\,\zeta - (1 - \beta)\,v\,|\zeta|
 
     In the usual notation of the Bouc-Wen model, :math:`A = 1` and :math:`\gamma = 1 - \beta`. v is the ball's velocity.
-    The effect has one dimensionless state :math:`\zeta`, which stays between -1 and 1 if the ball moves faster than
-    about 10 nm/s. The absolute values are smoothed so that the force is differentiable:
-    :math:`|v| \approx \sqrt{v^2 + v_0^2} - v_0` with :math:`v_0` = 10 nm/s, and likewise :math:`|\zeta|` with 1e-4. On
-    a slower ball the force reaches up to :math:`2v_0/v` times :math:`F_h`. After a reversal, the force changes with
-    displacement :math:`1 + (2\beta - 1)\zeta` times as fast as it does when it rises from rest. With :math:`\beta` =
-    0.5 the force therefore falls along a straight line, and with :math:`\beta` = 1 it falls from :math:`F_h` at first
-    twice as fast as it rises from rest. Typical: a force of 1 to 5 % of the ball's weight, a distance of 10 to 100 µm.
-    Signature: the loop keeps its width as the frequency falls to zero, whereas the loop of `creep` shrinks; motions
+    The effect has one dimensionless state :math:`\zeta`. The absolute values are smoothed so that the force is
+    differentiable: :math:`|v| \approx \sqrt{v^2 + v_0^2} - v_0` with :math:`v_0` = 10 nm/s, and likewise
+    :math:`|\zeta|` with 1e-4. :math:`\zeta` stays between -1 and 1 if the ball moves faster than about :math:`v_0`; on
+    a slower ball, the force can reach :math:`2v_0/v` times :math:`F_h`. After a reversal, the slope of the force
+    over the displacement is :math:`1 + (2\beta - 1)|\zeta|` times the slope at :math:`\zeta = 0`. With :math:`\beta` =
+    0.5 the force therefore returns to zero along a straight line; with :math:`\beta` = 1 the slope at :math:`F_h` is
+    twice the slope at zero. Typical: a force of 1 to 5 % of the ball's weight, a distance of 10 to 100 µm.
+
+    Signature: the loop keeps its width as the frequency falls to zero, whereas the loop of `creep` shrinks. Motions
     much smaller than the distance have no loop, whereas `coulomb_friction` holds the ball still. The effect is off at
     :math:`F_h = 0`.
 

@@ -26,13 +26,15 @@ class Leakage(Effect):
     .. math:: V = V_a - R\,I(V), \qquad I = \sum_k \sigma_0\,e^{|E_k|/E_B}E_k\,A_k, \qquad
               E_k = \frac{V}{H}(\lambda_1\lambda_2)_k
 
-    The sum is over the points k under the electrode. Each point represents the present area :math:`A_k`; :math:`E_k` is
-    the field, :math:`\lambda_1, \lambda_2` are the stretches, H is the undeformed thickness and :math:`\sigma_0` the
-    conductivity at low field. The effect has one algebraic unknown, V (V), and no state. The current is quasi-static.
-    :math:`V_a` is the amplifier's voltage or, with `electrode_rc`, the voltage to which the film has charged. Typical:
-    a voltage drop below 0.1 % unless :math:`R > 10^9` Ω; with such an R the drop grows exponentially with the field and
-    becomes visible above 2.5 kV. Signature: static and even in the voltage; the drop flattens the top of the curve of
-    stroke over voltage, as an `amplifier_saturation` with a wide corner does, but depends on the field, and so on the
+    :math:`V_a` is the amplifier's voltage or, with `electrode_rc`, the voltage to which the film has charged. V is the
+    film's voltage, an algebraic unknown; the effect has no state. The sum is over the points k of the film under the
+    electrode. Point k represents the present area :math:`A_k` and has the field :math:`E_k` and the stretches
+    :math:`\lambda_1, \lambda_2`. H is the undeformed thickness and :math:`\sigma_0` the conductivity at low field.
+    Typical: a voltage drop below 0.1 % unless :math:`R > 10^9` Ω. With such an R, the drop grows exponentially with the
+    field and becomes visible above 2.5 kV.
+
+    Signature: static and even in the voltage. The drop flattens the curve of stroke over voltage at the top, as an
+    `amplifier_saturation` with a wide corner does. Unlike saturation, the drop depends on the field, and so on the
     film's stretch. A reading of the current shows leakage directly. If the series resistance is known to be
     :math:`R_s`, the film conducts :math:`R/R_s` times as much as the published law says, and the leakage current is the
     voltage drop divided by :math:`R_s`. The effect is off at R = 0.
@@ -40,10 +42,10 @@ class Leakage(Effect):
     Parameters
     ----------
     resistance : float
-        R in Ω, in series with the film.
+        R, the resistance in series with the film, Ω.
     field_scale : float
-        :math:`E_B`, the field over which the conductivity grows by the factor e, V/m. The low-field conductivity is not
-        a parameter, since only :math:`R\sigma_0` enters.
+        :math:`E_B`, the increase of the field over which the conductivity grows by a factor of e, V/m. :math:`\sigma_0`
+        is not a parameter, because only the product :math:`R\sigma_0` enters.
 
     References
     ----------
@@ -60,7 +62,7 @@ class Leakage(Effect):
     signal: ClassVar[str] = "film_voltage"
     strength: ClassVar[str] = "resistance"
     order: ClassVar[int] = 1
-    """After `electrode_rc`, because the drop is that at the voltage to which the film has charged."""
+    """After `electrode_rc`, because the current depends on the voltage to which the film has charged."""
     wording: ClassVar[str] = (
         "Leakage through the film, which grows e-fold every {field_scale}, drops voltage over {resistance}"
     )

@@ -17,30 +17,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Mullins(Effect):
-    r"""The film is softer below the largest deformation it has seen so far (pseudo-elastic Mullins effect).
+    r"""The film is softer below the largest deformation that it has undergone (pseudo-elastic Mullins effect).
 
     .. math:: \frac{\partial E}{\partial q} \to \eta\,\frac{\partial E}{\partial q}, \qquad
               \eta = 1 - s\,\mathrm{erf}\,\frac{p(\hat w - w)}{m}, \qquad
               T\,\dot{\hat w} = p(w - \hat w), \qquad w = \frac{E}{V_0}
 
-    E is the energy of the equilibrium network of the whole film, q are the film's coordinates, and :math:`V_0` is its
-    volume, so w is the mean energy density. The state :math:`\hat w` (J/m³) starts at its value at rest and follows the
-    largest w within T = 2 ms. The function :math:`p(x) = x^2/(x + m/100)` above 0, else 0, rounds the corner: at the
-    maximum there is exactly no softening. Since the factor :math:`\eta`, which multiplies the stresses, depends on q
-    through E alone, the force is conservative below the maximum, and a loop dissipates energy only when it raises the
-    maximum.
+    E is the elastic energy of the whole film without its Maxwell branches, q are the film's coordinates and :math:`V_0`
+    is the film's volume, so w is the mean energy density. The state :math:`\hat w` (J/m³) is the largest w so far. It
+    starts at the value of w at rest and follows a larger w within T = 2 ms. The function p(x) is
+    :math:`x^2/(x + m/100)` for x > 0, otherwise 0; it rounds the corner at the maximum, where there is no softening.
+    The factor :math:`\eta` multiplies the stresses and depends on q through E alone. The force is therefore
+    conservative below the maximum, and a cycle dissipates energy only if it raises the maximum.
 
-    Typical for VHB: 2 to 10 % in the first cycles. The film of a diaphragm stores 2.5 kJ/m³ more at 2 kV than at rest,
-    12 kJ/m³ more at 2.6 kV, and 40 kJ/m³ more at 3 kV; a strip at a stretch of 2 stores 25 kJ/m³. Signature: the film
-    softens only when it is stretched further than ever before; repeated cycles agree from the second on, and rest does
-    not restore the stiffness, which distinguishes it from `creep`. The effect is off at s = 0.
+    Typical for VHB: a softening of 2 to 10 % in the first cycles. The film of a diaphragm stores 2.5 kJ/m³ more at 2 kV
+    than at rest, 12 kJ/m³ more at 2.6 kV, and 40 kJ/m³ more at 3 kV; a strip at a stretch of 2 stores 25 kJ/m³.
+    Signature: the film softens only when it is stretched further than ever before. Repeated cycles agree from the
+    second on. Rest does not restore the stiffness, whereas the film recovers from `creep`. The effect is off at s = 0.
 
     Parameters
     ----------
     softening : float
-        s, the share of the stress that is lost far below the maximum (1/r of Ogden & Roxburgh).
+        s, the share of the stress that is lost far below the maximum; 1/r in the notation of Ogden & Roxburgh.
     energy : float
-        m in J/m³, the distance below the maximum at which 84 % of the softening is reached.
+        m, the difference :math:`\hat w - w` at which 84 % of the softening is reached, J/m³.
 
     References
     ----------
@@ -57,10 +57,10 @@ class Mullins(Effect):
     signal: ClassVar[str] = "film"
     strength: ClassVar[str] = "softening"
     order: ClassVar[int] = 1
-    """After the effects that add energy, and before those that change it in time, which would move the maximum."""
+    """After the effects that add elastic energy, and before those that change the energy with time."""
     wording: ClassVar[str] = "The film has softened by up to {softening} below the largest stretch so far ({energy})"
     pursuit: ClassVar[float] = 2e-3
-    """Time T in which the state follows the energy, s: a tenth of a sample at 50 Hz."""
+    """Time T within which the state follows the energy density, s."""
     corner: ClassVar[float] = 0.01
     """Rounding of p, in units of m."""
 

@@ -83,7 +83,7 @@ class DeadTime:
     probabilities : ndarray, shape (n_lags,)
         Probabilities of the dead times 0, 1, 2, ... samples; empty if there is no estimate.
     searched_to : int
-        Longest dead time that was tested, in samples.
+        Longest dead time that was tested, in samples; 0 if none was tested.
     """
 
     input_name: str
@@ -99,18 +99,21 @@ class DeadTime:
 
     @property
     def samples(self) -> int | None:
-        """Most probable dead time in samples, the first lag at which the input acts; None if several fit equally well."""
+        """Most probable dead time in samples; None if there is no estimate or several fit equally well."""
         told = self.probabilities.size and self.status is not DeadTimeStatus.ALIKE
         return int(np.argmax(self.probabilities)) if told else None
 
     @property
     def seconds(self) -> float | None:
-        """Most probable dead time in s; None if there is no estimate."""
+        """Most probable dead time in s; None if `samples` is None."""
         return None if self.samples is None else self.samples * self.sample_time
 
     @property
     def interval(self) -> tuple[int, int] | None:
-        """Shortest and longest dead time in samples; each tail outside has the probability (1 - `probability`) / 2."""
+        """Shortest and longest dead time of the credible interval, in samples; None if there is no estimate.
+
+        At most the probability ``(1 - probability) / 2`` lies on either side of the interval.
+        """
         if not self.probabilities.size:
             return None
         best = int(np.argmax(self.probabilities))
@@ -141,28 +144,28 @@ def estimate_dead_time(
 ) -> tuple[DeadTime, ...]:
     """Estimate the dead time of each input: the first lag at which the input acts on an output.
 
-    The dead time is 0 samples if the output y(k) depends on the input u(k) of the same sample. For a plant without
-    transport delay the dead time is 1 if each reading is taken when the input of the same sample is applied, the usual
-    case, and 0 if the reading is taken at the end of the sample.
+    The dead time is 0 samples if the output y(k) depends on the input u(k) of the same sample. Usually, each reading is
+    taken when the input of the same sample is applied; a plant without transport delay then has a dead time of 1. If
+    the reading is taken at the end of the sample, such a plant has a dead time of 0.
 
-    A long ARX model of all inputs whitens the noise; the first lags at which its coefficients differ significantly from
-    zero (robust Wald tests) bound the dead time from above. First- and second-order plants fitted to the whitened
-    signals then give the likelihood of each shorter dead time, and Schwarz's criterion turns the likelihoods into
-    probabilities. Neither held, slow or autocorrelated inputs nor coloured noise bias the estimate: of 240 simulated
-    recordings at 10 to 40 dB, with dead times of 0 to 60 samples, all 240 intervals at 95 % contained the true value.
-    If inputs are strongly correlated, the intervals are too narrow by a sample or two. Noise on a measured input makes
-    the dead time seem a sample or two shorter. For a plant of higher order the estimate is the dead time of its
-    low-order approximation, within the bound of the tests.
+    A long ARX model with all inputs whitens the noise. For each input, the first lag at which the coefficient of the
+    model differs significantly from zero (robust Wald test) is an upper bound of the dead time. Up to that bound,
+    first- and second-order plants are fitted to the whitened signals for each dead time. Schwarz's criterion (BIC)
+    converts the likelihoods of these fits to probabilities.
 
-    If the input repeats itself, as a triangle does, several dead times far apart may fit equally well (status `ALIKE`);
-    the interval then covers all of them. An input of a few sines may not determine the dead time at all (status
-    `POOR`).
+    Neither held, slow or autocorrelated inputs nor coloured noise bias the estimate. Strongly correlated inputs make
+    the interval too narrow by a sample or two. Noise on a measured input makes the dead time seem a sample or two
+    shorter. For a plant of higher order, the estimate is the dead time of a low-order approximation.
 
-    A periodic input is tested for feedback by the differences between its periods: nonlinear distortion is the same in
-    all periods and is not mistaken for feedback; feedback without noise cannot be detected.
+    If the input repeats itself, as a triangle wave does, several dead times far apart may fit equally well (status
+    ``ALIKE``); the interval then covers all of them. An input of a few sines may not determine the dead time at all
+    (status ``POOR``).
 
-    At most 20 000 samples are used, from the beginning of each recording. Decimated recordings are not tested for
-    feedback: after a zero-phase filter each sample depends on later ones.
+    Each input is also tested for feedback: whether the past of the output predicts the input. For a periodic input, the
+    test uses only the differences between periods, so it cannot detect feedback in recordings without noise. Decimated
+    recordings are not tested, because a zero-phase filter makes each sample depend on later ones.
+
+    At most 20 000 samples are used, from the beginning of each recording.
 
     Parameters
     ----------
@@ -171,9 +174,9 @@ def estimate_dead_time(
     output : int
         Row index of the output.
     max_dead_time : int
-        Longest dead time to test, in samples; short recordings allow less.
+        Longest dead time to test, in samples; in short recordings, only shorter dead times can be tested.
     probability : float
-        Probability of the interval, between 0 and 1.
+        Probability that the interval contains the dead time, between 0 and 1.
 
     Returns
     -------
@@ -183,7 +186,7 @@ def estimate_dead_time(
     Raises
     ------
     ModelError
-        If an argument is invalid, or the recordings do not fit together.
+        If an argument is out of range, the output is constant, or the recordings differ in signals or sample time.
     """
     chosen = flatten(recordings)
     _require(chosen, output, max_dead_time, probability)
@@ -215,20 +218,23 @@ def estimate_dead_time(
 
 @taking(dead_times=each(instance(DeadTime)), count=whole_number)
 def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
-    """Return input lags for a model that cover the dead-time interval of each input and some lags after it.
+    """Return input lags for a model from the dead-time interval of each input.
+
+    A dead-time interval from ``low`` to ``high`` samples gives the lags ``low`` to ``high + count - 1``. If ``low`` is
+    at most 1, the lags are 1 to `count` instead; likewise if the dead time is unknown or several fit equally well. If
+    feedback is suspected, both sets of lags are used.
 
     Parameters
     ----------
     dead_times : sequence of DeadTime
-        Dead time of each input. An input without an estimate, or with several equally good estimates, counts as having
-        no dead time. If feedback is suspected, the lags of a model without dead time are included too.
+        Dead time of each input. Constant inputs are ignored.
     count : int
-        Number of lags from the end of a dead-time interval on, this end included.
+        Number of lags from ``high`` on, including ``high``.
 
     Returns
     -------
     tuple of int
-        Lags in ascending order; 1 to `count` if no input has a dead time that is certainly longer than one sample.
+        Lags of all inputs together, in ascending order; 1 to `count` if there are none.
     """
     lags: set[int] = set()
     for one in dead_times:

@@ -64,17 +64,17 @@ class SamplingChoice(Described):
     linear : ndarray, shape (n_lags + 1,)
         Autocorrelation of y', the output minus its mean, at the lags 0, 1, ...; dimensionless.
     nonlinear : ndarray, shape (n_lags + 1,)
-        Autocorrelation of the square of y' minus its mean, at the same lags; dimensionless.
+        Autocorrelation of y'^2 minus the mean of y'^2, at the same lags; dimensionless.
     linear_band, nonlinear_band : float
-        Half width of the 95 % band about zero of each function (Bartlett's formula at large lags).
+        Half width of the 95 % band about zero for each function (Bartlett's formula at large lags).
     sample_time : float
         Sample time of the recordings in s.
     highest : float
-        Frequency in Hz above which the output has negligible power: less than 1e-4 of its variance, or no more than
-        white noise at the level of the quietest quarter of its spectrum.
+        Highest frequency of the output, in Hz. Above this frequency, the output has less than 1e-4 of its variance, or
+        no more power than white noise at the level of the quietest quarter of the spectrum.
     linear_minimum, nonlinear_minimum : int or None
-        Lag of the first minimum of each function in samples; None if there is none. If neither function has a minimum,
-        `linear_minimum` is the lag at which the linear function enters its band.
+        Lag of the first minimum of each function, in samples; None if there is none. If neither function has a minimum,
+        ``linear_minimum`` is the first lag at which the linear function lies within its band.
     factor : int
         Decimation factor: keep every ``factor``-th sample; 1 keeps all.
     status : SamplingStatus
@@ -99,7 +99,7 @@ class SamplingChoice(Described):
 
     @property
     def first_minimum(self) -> int | None:
-        """Smaller lag of the two first minima in samples, tau_m."""
+        """Lag of the earlier of the two first minima, in samples; None if there is none."""
         return min((m for m in (self.linear_minimum, self.nonlinear_minimum) if m is not None), default=None)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -125,13 +125,13 @@ class SamplingChoice(Described):
 def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> SamplingChoice:
     """Choose a decimation factor from the linear and nonlinear autocorrelation of the output.
 
-    The first minimum of each function is found, and the earlier of the two should lie at a lag of 10 to 20 samples. If
-    it lies later, the factor brings it as near to 15 samples as a whole factor can. The factor is smaller if a period
-    of the highest frequency in the output would otherwise keep fewer than 10 samples.
+    The earlier of the two functions' first minima should lie at a lag of 10 to 20 samples. If it lies later, the
+    decimation factor is chosen so that the minimum moves to a lag near 15 samples. The factor is reduced if a period of
+    the output's highest frequency would otherwise have fewer than 10 samples.
 
-    A minimum is accepted if the function rises significantly after it. If neither function has such a minimum, as with
-    a first-order plant or a short record, the lag at which the linear autocorrelation enters its 95 % band about zero
-    takes the place of the minimum.
+    A minimum counts only if the function then rises by more than the half width of its 95 % band. If neither function
+    has such a minimum, as for a first-order plant or a short recording, the first lag at which the linear
+    autocorrelation lies within its 95 % band about zero is used instead.
 
     Parameters
     ----------
@@ -143,7 +143,8 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
     Raises
     ------
     DataError
-        If there are several outputs, the output is constant, or there are too many lags.
+        If there are several outputs, the output or its square is constant, or `n_lags` is below 2 or not below the
+        length of the longest recording.
     """
     chosen = flatten(recordings)
     longest = max(record.n_samples for record in chosen)

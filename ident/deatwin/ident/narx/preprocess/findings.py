@@ -35,7 +35,7 @@ FEWEST = 200  # samples below which nothing can be distinguished from chance
 
 
 class FindingKind(Enum):
-    """Kind of irregularity. The value of each member is a phrase that names it and gives advice."""
+    """Kind of irregularity in a recording. The value of each member is advice to the user."""
 
     TREND = "include a slow input or time in the model, or fit a stationary section"
     DRIFT = "fit a stationary section, or let parameters vary in time"
@@ -59,16 +59,17 @@ class Finding:
     signal : str
         Name of the input or output.
     from_s, to_s : float
-        Start and end on the recording's clock, in s.
+        First and last time concerned, on the recording's clock, in s.
     size : float
-        Size in the unit of the signal: total change of a trend, largest deviation of a drift or an outlier, step of a
-        quantised reading, level of clipping or of a constant stretch, range of a signal with few levels.
+        Size of the irregularity in the signal's unit. Trend: total change. Drift: largest deviation from the trend.
+        Outliers: largest deviation from the neighbours. Quantisation: step. Clipping and constant readings: the value
+        that repeats. Few levels: range of the input.
     unit : str
         Unit of the signal.
     count : int
-        Number of samples concerned, or number of levels if there are few.
+        Number of samples concerned. Few levels: number of levels.
     text : str
-        Description in one sentence.
+        Description of the irregularity.
     """
 
     kind: FindingKind
@@ -87,21 +88,22 @@ class Finding:
 
 @taking(degree=whole_number)
 def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: int = 3) -> tuple[Finding, ...]:
-    """Look for trends, drift, outliers, quantisation, clipping, constant stretches and few levels.
+    """Look for trends, drift, outliers, quantisation, clipping, constant readings and inputs with few levels.
 
-    The recordings are not altered. Inputs are examined for trends, drift and few levels only, since a command may jump,
-    rest and stay at a limit. Trends and drift are reported only if a twentieth of the recording is at least fifteen
-    correlation times of the signal long: otherwise, as in slow staircases, they cannot be distinguished from chance.
-    Only isolated readings count as outliers, because a group of them could be motion.
+    The recordings are not altered. Inputs are examined for trends, drift and few levels only, because a command may
+    jump, rest or stay at a limit. Trends and drift are reported only if the recording lasts at least 300 correlation
+    times of the signal; in shorter recordings they cannot be distinguished from chance. Only isolated readings count as
+    outliers, because a group of deviating readings could be motion.
 
     Parameters
     ----------
     recordings : Recording, Experiment, or several
         Recordings of at least 200 samples each.
     level : float
-        Probability of a false finding of each kind in a signal that is normal noise.
+        Significance level: probability that a signal of normal noise gives a false finding of a given kind.
     degree : int
-        Largest degree of the intended model; an input must have more levels than this degree to determine the model.
+        Largest degree of the intended model. An input is reported if it does not have more levels than this degree,
+        because it then cannot determine the model.
 
     Returns
     -------
@@ -111,7 +113,7 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
     Raises
     ------
     DataError
-        If a recording is too short, or the level is invalid.
+        If a recording has fewer than 200 samples, or `level` does not lie between 0 and 1.
     """
     if not 0.0 < real_number(level, "level") < 1.0:
         raise DataError(f"level = {level}; it must lie between 0 and 1")

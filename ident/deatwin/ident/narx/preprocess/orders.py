@@ -43,17 +43,19 @@ class OrderTrial:
     Parameters
     ----------
     output_lags, input_lags : Lags
-        Lags in samples, as the identifier takes them.
+        Lags in samples, in the form of the identifier's parameters of the same names.
     degree : int
-        Largest degree of the candidates.
+        Largest degree of the candidate terms.
     n_terms : int
         Number of terms of the fitted model; 0 if there is no model.
     error : float
-        Root mean square of the free-run error over the held-out data, in the output's unit; infinite if the trial gave
-        no free run.
-    mean_square, standard_error : float
-        Mean squared free-run error and its standard error, in squares of the output's unit; the standard error comes
-        from the means of ten nearly independent blocks of the held-out data.
+        Root mean square of the free-run error over the held-out data, in the output's unit; infinite if there is no
+        model or its free run diverged.
+    mean_square : float
+        Square of ``error``, in the squared unit of the output.
+    standard_error : float
+        Standard error of ``mean_square``, in the squared unit of the output. It is computed from the means of ten
+        blocks of the held-out data.
     status : TrialStatus
         Outcome of the trial.
     reason : str
@@ -85,7 +87,7 @@ class OrderChoice(Described):
     trials : tuple of OrderTrial
         Trials at all grid points, including those that failed.
     unit : str
-        Unit of the errors.
+        Unit of the output and of the errors.
     """
 
     trials: tuple[OrderTrial, ...] = field(metadata=table_along("trial", name=""))
@@ -100,27 +102,28 @@ class OrderChoice(Described):
 
     @property
     def done(self) -> tuple[OrderTrial, ...]:
-        """Trials that have a free-run error."""
+        """Trials whose free run did not diverge."""
         return tuple(trial for trial in self.trials if trial.status is TrialStatus.DONE)
 
     @property
     def best(self) -> OrderTrial:
-        """Trial with the smallest error; ModelError if no trial has an error."""
+        """Trial with the smallest error; ModelError if all trials failed or diverged."""
         if not self.done:
             raise ModelError("no model of the grid ran free over the held-out data: there is nothing to choose")
         return min(self.done, key=lambda trial: trial.mean_square)
 
     @property
     def chosen(self) -> OrderTrial:
-        """Trial of the smallest model whose squared error is within one standard error of the best.
+        """Trial of the smallest model whose ``mean_square`` is within one standard error of the best trial's.
 
-        The smallest model has the fewest terms, then the lowest degree, then the fewest lags (Hastie, Tibshirani,
-        Friedman, The Elements of Statistical Learning, 2nd ed., 2009, section 7.10: the one-standard-error rule).
+        This is the one-standard-error rule (Hastie, Tibshirani, Friedman, The Elements of Statistical Learning, 2nd
+        ed., 2009, section 7.10). The smallest model has the fewest terms; among equals, the lowest degree and then the
+        fewest lags.
 
         Raises
         ------
         ModelError
-            If no trial has an error.
+            If all trials failed or diverged.
         """
         limit = self.best.mean_square + self.best.standard_error
         return min((trial for trial in self.done if trial.mean_square <= limit), key=_size)
@@ -135,10 +138,10 @@ class OrderChoice(Described):
         return "\n".join(lines)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the free-run error over the output lags on `ax` or new axes, with a line for each degree.
+        """Draw the free-run error over the largest output lag on `ax` or new axes, with a line for each degree.
 
-        A cross at the top marks divergence. If several input lags were tried with the same output lags, the line shows
-        the best of them.
+        A cross at the top marks a trial that failed or diverged. If several input lags were tried with the same output
+        lags, the line shows the smallest error.
         """
         axes = axes_or_new(ax)
         top = 2.0 * max((trial.error for trial in self.done), default=1.0)
@@ -184,27 +187,28 @@ def choose_orders(
 ) -> OrderChoice:
     """Fit models over a grid of lags and degrees and compare their free runs on held-out data.
 
-    All errors are computed over the same samples, those after the largest lag of the grid. If an input has a dead time
-    (`estimate_dead_time`), give input lags that begin with it (`lags_after`).
+    All errors are computed over the same samples: those after the largest lag of the grid. If an input has a dead time
+    (`estimate_dead_time`), give input lags that begin at the dead time (`lags_after`).
 
     Parameters
     ----------
     identifier : NarxIdentifier
-        Estimator; at each grid point, a clone of it with the lags and degree of that point is fitted.
+        Estimator. At each grid point, a clone of the estimator with the lags and degree of that point is fitted.
     training, validation : Recording, Experiment, or several
         Data for the fits and held-out data for the free runs, with one output.
     output_lags : iterable of Lags
-        Output lags to try, each as the identifier takes it: a number n for 1..n, a sequence, or the lags of each
-        channel.
+        Output lags to try. Each entry is a number n for the lags 1 to n, or a sequence of lags.
     input_lags : iterable of Lags, optional
-        Input lags to try with each entry of `output_lags`; by default the same as the output lags.
+        Input lags to try with each entry of `output_lags`, in the same form; several inputs can have different lags, as
+        in the identifier. By default, the input lags equal the output lags.
     degrees : iterable of int
         Degrees to try.
 
     Raises
     ------
     ModelError
-        If lags or degrees are not a list, the grid is empty or the held-out data are too short for its lags.
+        If lags or degrees are not given as a list, the grid is empty, or a held-out recording is too short for the
+        largest lag.
     """
     held_out, train = flatten(validation), flatten(training)
     for name, tried in (("output_lags", output_lags), ("input_lags", input_lags), ("degrees", degrees)):

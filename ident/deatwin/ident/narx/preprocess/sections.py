@@ -67,11 +67,13 @@ class StationarityTest:
     signal : str
         Name of the input or output.
     statistic : str
-        Statistic of the segments: "mean", "variance" or "fast variance" (of the steps from sample to sample).
+        Statistic that is computed for each segment: "mean", "variance", or "fast variance", which is the mean squared
+        difference between successive samples.
     test : str
-        Test over the segments: "trend", "change" or "spread" of the statistic.
+        Property that is tested over the segments: a "trend" of the statistic, a "change" at one time, or a "spread"
+        that is larger than chance allows.
     p_value : float
-        Probability of a result at least as large for independent segments of a stationary signal.
+        Probability of a test result at least as extreme if the signal is stationary and its segments are independent.
     """
 
     signal: str
@@ -89,9 +91,9 @@ class Stretch:
     record : int
         Index of the recording, from 0.
     first, last : int
-        First sample of the stretch, and first sample after it.
+        Index of the first sample of the stretch, and index of the first sample after the stretch.
     p_value : float
-        Smallest p-value of all tests times the number of tests (Bonferroni), at most 1.
+        Smallest p-value of all tests, multiplied by the number of tests (Bonferroni); at most 1.
     """
 
     record: int
@@ -131,12 +133,12 @@ class Sections(Described):
     tests : tuple of tuple of StationarityTest
         Tests of each whole recording.
     segment_s : tuple of float
-        Length of a segment of each recording in s.
+        Length of the segments of each recording, in s.
     correlation_time_s : tuple of float
-        Longest correlation time within the segments of each recording, in s. Segments should be fifteen times as long:
-        if they are only ten times as long, twice as many stationary records fail as ``level`` states.
+        Longest correlation time of any signal of each recording, in s. Segments should be at least 15 times as long.
+        If they are only 10 times as long, a stationary stretch fails with twice the probability ``level``.
     level : float
-        Probability that a stationary recording fails at least one of the tests.
+        Probability that a stationary stretch fails at least one of the tests (Bonferroni).
     status : SectionStatus
         Basis of the choice.
     """
@@ -170,7 +172,7 @@ class Sections(Described):
 
     @property
     def segments_are_long(self) -> bool:
-        """True if all segments are at least fifteen correlation times long, as the tests require."""
+        """True if the segments of every recording are at least 15 correlation times long, as the tests require."""
         pairs = zip(self.segment_s, self.correlation_time_s, strict=True)
         return all(segment >= ENOUGH_CORRELATION_TIMES * correlation for segment, correlation in pairs)
 
@@ -214,10 +216,13 @@ def choose_sections(
 ) -> Sections:
     """Choose training and validation sections by a test of stationarity.
 
-    Each recording is cut into segments. The longest run of at least ten segments that pass all tests is a stationary
-    stretch; its first and last segments are dropped where they border on other segments. The search then continues in
-    the remaining segments. The longest stretch is used for training. The second longest is used for validation if it is
-    long enough; otherwise the end of the longest stretch is used.
+    Each recording is cut into segments. The longest run of at least ten segments that passes all tests is a stationary
+    stretch. Its first and last segments are dropped unless the recording begins or ends there. Further stretches are
+    sought in the remaining segments.
+
+    The longest stretch is used for training. The second longest is used for validation if it is long enough for
+    `validation_share`; otherwise the end of the longest stretch is used. If there is no stationary stretch, the
+    sections are the halves of the longest recording.
 
     Parameters
     ----------
@@ -228,12 +233,13 @@ def choose_sections(
     level : float
         Probability that a stationary stretch fails at least one of the tests (Bonferroni).
     validation_share : float
-        Share of the samples for validation, between 0 and 1.
+        Share of the validation section in the samples of both sections, between 0 and 1.
 
     Raises
     ------
     DataError
-        If the segments are too few or too short, or a share is not between 0 and 1.
+        If there are fewer than 10 segments, a segment has fewer than 8 samples, all signals of a recording are
+        constant, or `level` or `validation_share` does not lie between 0 and 1.
     """
     shares = real_number(level, "level"), real_number(validation_share, "validation_share")
     if not all(0.0 < share < 1.0 for share in shares):
