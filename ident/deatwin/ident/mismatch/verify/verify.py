@@ -36,19 +36,18 @@ def verify(
     problem: DiagnosisProblem | None = None,
     tried: Sequence[Candidate] = (),
 ) -> Verification:
-    """Test a candidate on the held-out data by ablation, placebo effects, transfer and constancy.
+    """Test an explanation on the held-out data: by ablation, with placebo effects, for transfer and for constancy.
 
     Parameters
     ----------
     base, amended : Candidate
-        Base plant and explanation, judged on the same samples.
+        Base plant, and the plant with the explanation; both have the same fitted and held-out samples.
     rng : numpy.random.Generator
         Random generator for the paired block bootstrap and for random phases.
     problem : DiagnosisProblem, optional
-        Recordings; without them, transfer and placebo effects are not tested.
+        Diagnosis problem with the recordings. Without it, placebo effects, transfer and constancy are not tested.
     tried : sequence of Candidate
-        Candidates that were already fitted. An explanation without one of its effects is taken from these if possible,
-        and otherwise fitted.
+        Candidates that were already fitted. The ablation uses them where possible, and refits otherwise.
 
     Returns
     -------
