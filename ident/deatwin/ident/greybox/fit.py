@@ -136,7 +136,7 @@ class Calibration(Described):
 
     @property
     def within_reach(self) -> float:
-        """Rms residual, SI. If the fit stopped before its minimum, that of its linearisation at the minimum."""
+        """Rms residual, SI. If the fit stopped before its minimum, the value that its linearisation predicts there."""
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
     def with_stages(self, count: int) -> Calibration:
@@ -145,7 +145,7 @@ class Calibration(Described):
 
     @cached_property
     def foreseen(self) -> float:
-        """Rms residual, SI. If the fit stopped near its minimum, that of its linearisation at the minimum within the
+        """Rms residual, SI. If the fit stopped near its minimum, the value that its linearisation predicts within the
         bounds."""
         if self.status is not FitStatus.STOPPED:
             return self.rms
@@ -269,7 +269,7 @@ def calibrate(
         Relative change of the squared residual below which a fit ends. By default a fit ends within about a tenth of a
         standard error of its minimum.
     hopeless : float
-        Rms residual, SI, above which a fit is abandoned: it ends if its linearisation predicts a larger residual at the
+        Limit of the rms residual, SI. A fit is abandoned if its linearisation predicts a larger residual at the
         minimum.
     progress : callable, optional
         Called after each simulation with the share done, between 0 and 1, and a description of the current step.

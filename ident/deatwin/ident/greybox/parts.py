@@ -33,8 +33,8 @@ class Part:
         Factor by which the reading and its residuals are multiplied: the noise of the rig's first reading divided by
         the noise of this reading.
     levels : tuple of ndarray of float, optional
-        For each recording, the standard deviation of the noise at each sample, divided by its usual value. Residuals
-        are divided by it. By default 1 at all samples.
+        For each recording, the standard deviation of the noise at each sample, relative to its usual value. Residuals
+        are divided by this ratio. By default 1 at all samples.
     """
 
     experiment: Experiment

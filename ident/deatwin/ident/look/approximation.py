@@ -26,9 +26,9 @@ Lines = NDArray[np.bool_]
 class BestLinearApproximation(Frozen):
     """Best linear approximation of a recorded system, with the noise and the nonlinear distortion of the output.
 
-    The amplitude of a signal y at a line is the magnitude of its Fourier coefficient, (1/n) sum_k y(k) e^(-jwkT), where
-    n is the number of samples, w the angular frequency and T the sample time. The rms value of y is the root of twice
-    the sum of its squared amplitudes. "Over time" marks such a value, in contrast to the amplitude at one line.
+    The amplitude of a signal y at a spectral line is the magnitude of its Fourier coefficient,
+    (1/n) sum_k y(k) e^(-jwkT). Here n is the number of samples, w the angular frequency and T the sample time. The rms
+    of y over time is the square root of twice the sum of its squared amplitudes.
 
     Parameters
     ----------
@@ -66,7 +66,8 @@ class BestLinearApproximation(Frozen):
     periods : int
         Number of periods that were used, summed over the realisations.
     left_out : int
-        Number of periods that were left out because the output was not yet in the steady state, summed likewise.
+        Number of periods that were left out because the output was not yet in its steady state, summed over the
+        realisations.
     input_unit, output_unit : str
         Units of input and output; empty if unknown.
     noise_rms : float

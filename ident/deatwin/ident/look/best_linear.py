@@ -59,8 +59,8 @@ def best_linear_approximation(
     Parameters
     ----------
     recordings : Recording, Experiment, or several
-        Recordings with the same channels and sample time. The input of each is periodic, and its rms values may differ
-        by up to 10 % between recordings. Each needs at least three periods, or two after those that `skip` leaves out.
+        Recordings with the same channels and sample time, of a periodic input. Between recordings, the rms of the input
+        may differ by up to 10 %. Each recording needs at least three periods, or two in addition to `skip`.
     period : float, optional
         Period of the input, s. By default it is estimated from the first recording.
     channel, output : int

@@ -81,7 +81,8 @@ class Look:
     links : tuple of Link
         Coherence and dead time from each input to each output, ordered by output.
     findings : tuple of Finding
-        Faults of the signals: trends, drifts, outliers, steps, values at a limit, and constant stretches.
+        Irregularities of the signals: trends, drifts, outliers, coarse resolution, values at a limit, inputs with few
+        levels, and constant stretches.
     sampling : SamplingChoice or None
         Advice on the sample time for a NARX model; None if the recording is too short.
     best_linear : BestLinearApproximation or None

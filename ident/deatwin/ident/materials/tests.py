@@ -34,9 +34,9 @@ class MaterialTest:
         Name of the specimen; by default the name of the test. The stresses of a specimen may deviate by a factor, which
         is the same in all its tests.
     times : array_like, shape (n,), optional
-        Times, s, at least 0. The stretch is 1 until time 0. It then rises at a constant strain rate to that of the
-        first sample, or jumps to it if the first sample is at time 0. Without times, the test counts as so slow that
-        all Maxwell branches are relaxed.
+        Times, s, at least 0. The stretch is 1 until time 0. From then on, it changes at a constant strain rate until
+        the first sample. If the first sample is at time 0, the stretch jumps. Without times, the test counts as so slow
+        that all Maxwell branches are relaxed.
     stretch : array_like, shape (n,)
         Stretch in the loading direction. For a dma test a single number: the static stretch, 1 by default, at which the
         specimen has relaxed.

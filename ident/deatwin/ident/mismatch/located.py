@@ -118,8 +118,8 @@ class Unexplained:
     frequency : Band or None
         Frequency band in which the remaining mismatch has the most power; None if no band exceeds the noise.
     region : Region or None
-        Range of command, reading or rate of the reading in which the mean remaining residual is largest; None if there
-        is none.
+        Range of an operating signal, such as the command or the reading, in which the mean of the remaining residual is
+        largest. None if there is no such range.
     place : str or None
         Part of the plant whose signals predict the remaining mismatch best; None if no part predicts it.
     """
@@ -169,10 +169,10 @@ class LocationSummary:
     frequency : tuple of Band
         Frequency bands with a mismatch.
     lines : LinesSummary or None
-        Residual at the spectral lines of a periodic input: excited, odd and even lines, and the part that varies
-        between periods. None if no recording is periodic.
+        Residual under a periodic input: at the excited spectral lines, at the other odd and even lines, and its part
+        that varies between periods. None if no recording is periodic.
     region : tuple of Region
-        Ranges of command, reading and rate of the reading in which there is a mismatch.
+        Ranges of operating signals, such as the command or the reading, in which the mean residual is not zero.
     place : tuple of PlaceSummary
         Parts of the plant at which effects or signals explain the mismatch, the best first.
     response : tuple of ResponseDifference, or None

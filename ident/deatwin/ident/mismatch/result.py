@@ -242,9 +242,9 @@ class VerificationSummary:
     gain_low : float
         Lower 95 % bound of the decrease of the rms residual on held-out data, in the unit of `Diagnosis.output`.
     counts : bool or None
-        True if the explanation is accepted even if `gain_low` is not positive. The mean square residual then certainly
-        decreases over all data. On held-out data, it decreases by more than the square of the model error, and by more
-        than half of its excess over the noise variance.
+        True if the explanation is accepted even if `gain_low` is not positive. The mean square residual must then
+        decrease significantly over all data. On held-out data, it must decrease by more than the square of the model
+        error, and by more than half of its excess over the noise variance.
     ablation : tuple of Ablation
         For each effect, the result when this effect is removed and all other parameters are refitted.
     shams : tuple of PlaceboSummary

@@ -17,10 +17,10 @@ class Verdict(Enum):
     """Conclusion of a diagnosis.
 
     ``NONE``: the recordings show no missing physics. ``PARAMETERS``: only parameters were wrong. ``NAMED``: one
-    explanation was found. ``AMBIGUOUS``: several explanations remain possible. ``PARTLY``: the causes explain only a
-    part of the mismatch. ``UNKNOWN``: no effect of the catalogue explains the mismatch. ``DISTURBANCE``: the mismatch
-    does not come from the plant. ``DATA_FAULT``: the recordings are faulty. ``NOT_TESTABLE``: the recordings could not
-    show a mismatch.
+    explanation was found. ``AMBIGUOUS``: several explanations remain possible. ``PARTLY``: the effects that were found
+    explain only a part of the mismatch. ``UNKNOWN``: no effect of the catalogue explains the mismatch. ``DISTURBANCE``:
+    the mismatch does not come from the plant. ``DATA_FAULT``: the recordings are faulty. ``NOT_TESTABLE``: the
+    recordings could not show a mismatch.
     """
 
     NONE = "none"
@@ -40,7 +40,7 @@ class Verdict(Enum):
 
     @property
     def has_causes(self) -> bool:
-        """True if effects are built into the amended plant."""
+        """True if the diagnosis reports effects as causes."""
         return self in (Verdict.NAMED, Verdict.AMBIGUOUS, Verdict.PARTLY)
 
 
@@ -77,7 +77,7 @@ class Interval:
     Parameters
     ----------
     value, low, high : float
-        Estimate and 95 % interval, SI.
+        Estimate, and lower and upper end of its 95 % interval, SI.
     unit : str
         SI unit.
     """
@@ -106,7 +106,7 @@ class FittedParameter(Interval):
     Parameters
     ----------
     value, low, high : float
-        Estimate and 95 % interval, SI.
+        Estimate, and lower and upper end of its 95 % interval, SI.
     unit : str
         SI unit.
     nominal : float or None

@@ -59,10 +59,10 @@ def assessed(
 ) -> NarxModel:
     """Return a copy of a model with an assessment of its reliability, as `deatwin identify` saves it.
 
-    The assessment is stored as entries of ``provenance``, which the commands `frequency` and `check` read. It contains
-    the frequency bands that the input excited, and the rms and correlation time of the free-run residual. It also
-    contains two results on held-out data: those of the residual tests, and the gain error, which is the slope of the
-    free-run residual over the simulated output.
+    The assessment contains the frequency bands that the input excited, and the rms and correlation time of the free-run
+    residual. For held-out data, it contains the results of the residual tests and the gain error. The gain error is the
+    slope of a regression of the free-run residual on the simulated output. All of these are stored as entries of
+    ``provenance``, which the commands `frequency` and `check` read.
 
     Parameters
     ----------

@@ -281,9 +281,9 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         -------
         NarxResponse
             Response with ``.outputs`` of shape (n_outputs, n). The samples before ``.first``, which is the largest lag
-            plus ``steps - 1``, are measured values. The noise in the terms is the one-step prediction error. It is 0 at
-            samples without such an error and at samples after the last measured output that is used. ``.status`` tells
-            whether predictions several steps ahead diverge.
+            plus ``steps - 1``, are measured values. In noise terms, e is the one-step prediction
+            error; e is 0 at the first samples, which have no prediction, and after the last measured output that is
+            used. ``.status`` tells whether predictions several steps ahead diverge.
 
         Raises
         ------

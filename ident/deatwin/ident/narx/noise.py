@@ -58,8 +58,8 @@ class Narmax(NarxIdentifier):
     max_noise_terms : int
         Largest number of noise terms.
     criterion : str
-        Criterion that decides the number of noise terms, from 0: "ebic", "bic" or "aic", as in `Frols`. "none" keeps
-        all ``max_noise_terms`` terms.
+        Criterion that decides the number of noise terms, which may be 0: "ebic", "bic" or "aic", as in `Frols`. "none"
+        keeps ``max_noise_terms`` terms.
     tolerance : float
         The estimation has converged when an undamped Gauss-Newton step changes e by less than this share of the rms
         value of e.

@@ -120,8 +120,9 @@ class Sampled(Uncertain):
     def gain_band(self, level: float | None = None) -> Band:
         """Return the pointwise band of the gain, in ``unit``, of probability `level`, by default ``self.level``.
 
-        Its ends are central quantiles of the draws' gains. Where the true gain is near zero, the band may lie above it,
-        because scatter of the real and imaginary parts increases the draws' gains. `Propagated.gain_band` avoids this.
+        Its ends are central quantiles of the draws' gains. Where the true gain is near zero, the band may lie above the
+        true gain, because the scatter of real and imaginary part increases the gains of the draws.
+        `Propagated.gain_band` avoids this.
         """
         return self._band(np.abs(self.draws), level)
 

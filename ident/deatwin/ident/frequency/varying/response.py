@@ -72,8 +72,8 @@ class VaryingResponse(Described, Frozen):
         Model with the parameters of each time. Its ``operating`` range is centred at its equilibrium. None if there is
         no equilibrium.
     responses : tuple of (FrequencyResponse or None), length n_times
-        Response of each model: H_n, G_n or Y_n, at n_values points. None if there is no model; at least one is not
-        None.
+        Response of each model at n_values points: generalised frequency response H_n, nonlinear output frequency
+        response G_n, or output spectrum Y_n. None if there is no model; at least one is not None.
     correct : callable
         Function without arguments that computes `frozen_correction`.
     """

@@ -137,11 +137,11 @@ def sliding_mean_and_gain(
     The gain is the standard deviation of the output divided by that of the input. Noise and drift within a window
     increase the gain.
 
-    Each window is divided into ten batches. The standard error of the mean comes from the scatter of the batch means,
-    that of the logarithm of the gain from a jackknife over the batches. The bands use the t distribution with nine
-    degrees of freedom. A correlation r between neighbouring batches, estimated from all windows, widens the bands by
-    the factor sqrt((1 + r) / (1 - r)). An analysis of variance tests whether windows that do not overlap differ by more
-    than random variation.
+    Each window is divided into ten batches. The scatter of the batch means gives the standard error of the mean. A
+    jackknife over the batches gives the standard error of the logarithm of the gain. The bands use the t distribution
+    with nine degrees of freedom. A correlation r between neighbouring batches, estimated from all windows, widens the
+    bands by the factor sqrt((1 + r) / (1 - r)). An analysis of variance tests whether windows that do not overlap
+    differ by more than random variation.
 
     Parameters
     ----------

@@ -62,8 +62,9 @@ class Advice(Described):
         Signal to measure in addition, if the input alone cannot distinguish all explanations.
     confusion_before, confusion_after : float
         Probability that the nearest wrong explanation fits better than the true one, before and after the advised
-        experiment, averaged over the explanations. Both are equal if no experiment is advised. `confusion_before` is
-        the larger of two estimates: first-order, and from refits to all recordings.
+        experiment. It is averaged over the explanations, each of which is taken as the true one in turn. Both values
+        are equal if no experiment is advised. `confusion_before` is the larger of two estimates: one to first order,
+        one from refits to all recordings.
     undecided : tuple of str
         Entries of `alternatives` that the experiment would not distinguish from at least one other entry (d² below 16).
     tried : mapping of str to float

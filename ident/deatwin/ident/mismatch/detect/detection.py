@@ -84,7 +84,7 @@ class Detection(Described):
     taken_up : Calibration or None
         Fit of the plant to all data, if this fit leaves no mismatch; else None.
     sensor : NoiseFloor
-        Sensor noise, as estimated from each source.
+        Sensor noise, with the estimate from each source, such as the data sheet or repeated commands.
     repeatability : Repeatability or None
         Similarity of the residual between repeats of a command; None if no command is repeated.
     evidence : OriginEvidence
@@ -177,7 +177,7 @@ class Detection(Described):
 
     @property
     def disturbance(self) -> bool:
-        """True if there is a mismatch that certainly does not come from the plant."""
+        """True if there is a mismatch and ``origin`` is ``DISTURBANCE``: it does not come from the plant."""
         return self.mismatch and self.origin is Origin.DISTURBANCE
 
     @property

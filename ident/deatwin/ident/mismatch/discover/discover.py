@@ -64,8 +64,7 @@ def discover(
     rng : numpy.random.Generator
         Random generator for all resampling.
     place : Opening, optional
-        Place at which the force acts. By default the moving part; if the rig has none, the reading; if it cannot act
-        there either, the command.
+        Place at which the force acts. By default the moving part; if the rig has none, the reading, else the command.
 
     Returns
     -------

@@ -185,7 +185,7 @@ class Discovery(Described):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the force of the free form over the signal on which its first term depends.
 
-        If ``latent`` is known, it is drawn as points, with a band of two standard deviations.
+        Points show ``latent``, with a band of two standard deviations, unless it is None.
 
         Parameters
         ----------

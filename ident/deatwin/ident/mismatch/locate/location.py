@@ -44,10 +44,10 @@ class Location(Described):
     frequency : Bands
         Frequency bands with a mismatch.
     lines : Lines or None
-        Residual at the spectral lines of a periodic input: excited, odd and even lines, and the part that varies
-        between periods. None if no recording is periodic.
+        Residual under a periodic input: at the excited spectral lines, at the other odd and even lines, and its part
+        that varies between periods. None if no recording is periodic.
     region : Regions
-        Ranges of command, reading and rate of the reading in which there is a mismatch.
+        Ranges of operating signals, such as the command or the reading, in which the mean residual is not zero.
     place : Places
         How well the signals at each place of the plant predict the mismatch.
     response : tuple of ResponseDifference, or None

@@ -81,7 +81,7 @@ class Candidate:
         return excess_of(self.unseen, self.noise, self.calibration.plant.rig.model_error)
 
     def with_floor(self, model_error: float) -> Candidate:
-        """Return the same candidate with another model error of its plant, with which the residuals are compared.
+        """Return the same candidate, whose residuals are compared with another model error.
 
         Parameters
         ----------
@@ -213,7 +213,8 @@ class Distance:
         Names of the two explanations; several effects are joined by ``+``.
     d2 : float
         Sum over all samples of the squared difference of the predicted readings, divided by the variance of noise and
-        model error; dimensionless. If the two fit the recordings clearly differently, d² is computed to first order.
+        model error; dimensionless. To first order only, if the residuals of the two explanations already differ by
+        more than the model error.
     """
 
     effects: tuple[str, str]

@@ -46,8 +46,9 @@ class Naming(Described):
     alternatives : tuple of Candidate
         Alternative explanations that the recordings cannot rule out.
     probabilities : mapping of tuple of str to float
-        Probability of each candidate that has as many effects as the best one, from its evidence. An alternative whose
-        evidence is not comparable has the same probability as the best candidate. A key contains the effects.
+        Probability of each candidate that has as many effects as the best one, from its evidence. The keys are the
+        effects. An alternative whose evidence cannot be compared with that of the best candidate has the probability of
+        the best candidate.
     noise : float
         Standard deviation of the sensor noise with which the residuals are compared, SI.
     distances : tuple of Distance
@@ -121,7 +122,8 @@ class Naming(Described):
         Parameters
         ----------
         others : sequence of Candidate
-            Alternatives whose evidence is not comparable. Those that are already present are ignored.
+            Alternatives whose evidence cannot be compared with that of the best explanation. Those that are already
+            present are ignored.
 
         Returns
         -------

@@ -31,7 +31,7 @@ class Foreseen:
     effect, family : str
         Canonical names of the effect and of its family.
     strength : str
-        Name of the parameter that is its strength.
+        Name of the parameter that is the strength of the effect.
     unit : str
         SI unit of the strengths.
     typical : float
@@ -183,7 +183,7 @@ class ExperimentPlan:
         write_input(path, self.recording)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw for each effect the smallest change of the readings that is detected, and the change that is typical.
+        """Draw ``smallest_change`` and ``change`` of each effect, that is, at its smallest and its typical strength.
 
         Parameters
         ----------

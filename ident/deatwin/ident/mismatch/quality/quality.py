@@ -69,8 +69,8 @@ def by_experiment(checked: DataQuality, arrays: Sequence[np.ndarray]) -> tuple[t
 class DataQuality(Described):
     """Recordings with marks for faulty samples and for other samples that the diagnosis reports.
 
-    A mark is a tuple with one entry for each experiment. The entry is a tuple with one array of bool for each
-    recording, of shape (n_samples,). True marks a sample.
+    The marks of one kind are a tuple with one entry for each experiment. This entry is a tuple with one array of bool
+    for each recording, of shape (n_samples,), which is True at the marked samples.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class DataQuality(Described):
     settled : tuple of tuple of ndarray of bool
         Samples at which the influence of an unknown initial state has decayed. All other samples are left out.
     unknown : tuple of tuple of ndarray of bool
-        Samples after a gap in a recording whose readings depend on when the command changed during the gap. They are
+        Samples after a gap in a recording, as long as they depend on when the command changed during the gap. They are
         left out. Empty if there are none.
     """
 

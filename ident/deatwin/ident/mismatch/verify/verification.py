@@ -42,9 +42,9 @@ class Verification(Described):
     gain_low : float
         Lower 95 % bound of the decrease of the rms residual on held-out data.
     counts : bool
-        True if the explanation is accepted even if `gain_low` is not positive. The mean square residual then certainly
-        decreases over all data. On held-out data, it decreases by more than the square of the model error, and by more
-        than half of its excess over the noise variance.
+        True if the explanation is accepted even if `gain_low` is not positive. The mean square residual must then
+        decrease significantly over all data. On held-out data, it must decrease by more than the square of the model
+        error, and by more than half of its excess over the noise variance.
     ablations : tuple of Ablation
         For each effect, the result when this effect is removed and all other parameters are refitted.
     shams : tuple of Placebo
@@ -146,7 +146,7 @@ class Verification(Described):
 
     @property
     def doubted(self) -> tuple[str, ...]:
-        """Effects whose removal does not certainly raise the error on held-out data.
+        """Effects whose removal does not significantly raise the error.
 
         Empty if another test failed, too, or if this holds for all effects. Otherwise the explanation is reported
         together with the one without the doubted effect.
@@ -195,7 +195,8 @@ class Verification(Described):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the error on held-out data without and with the explanation.
 
-        Further rows show it for each part of the data, without each effect, and with placebo effects.
+        The first row is for all held-out data. Further rows show the error on parts of these data, without each effect,
+        and with placebo effects.
 
         Parameters
         ----------

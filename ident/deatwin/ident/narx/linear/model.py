@@ -118,7 +118,8 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
     ------
     ModelError
         If the numbers of polynomials, names and units do not agree, `theta_cov` has the wrong shape, or a value is not
-        allowed: A, C, D or F_i does not begin with 1, B_i is zero, or a number is not finite.
+        allowed: A, C, D or F_i does not begin with 1, B_i is zero, `sample_time` is not positive, or a number is not
+        finite.
 
     Examples
     --------
@@ -215,8 +216,8 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
     def predict(self, recording: Recording) -> NarxResponse:
         """Predict each output sample from the measurements before it.
 
-        The poles of the F_i have initial states, which are estimated from the first samples: ten for each state, or a
-        third of the recording if this is less. These samples do not count as predicted.
+        The initial states of the 1/F_i are estimated from the first samples: ten samples for each state, or a third of
+        the recording if this is less. These samples do not count as predicted.
 
         Parameters
         ----------
