@@ -228,7 +228,7 @@ def look_at(recordings: Recordings) -> Look:
     DataError
         If the recording has no input or no output.
     ModelError
-        If the pieces differ in their channels or sample time.
+        If `recordings` is empty, or contains anything but recordings and experiments.
     """
     records = flatten(recordings)
     longest = max(records, key=lambda record: record.n_samples)

@@ -48,8 +48,8 @@ def prepare(
     Returns
     -------
     DiagnosisProblem
-        Diagnosis problem. Its plant has the model error that is expected for these recordings. It is simulated with
-        fewer stages (`Plant.stages`) if this hardly changes the readings.
+        Diagnosis problem. Its plant has the model error that is expected for these recordings. This plant is simulated
+        with fewer stages (`Plant.stages`) than `plant` if this hardly changes the readings.
     Base
         The calibrated plant, with the same model error and number of stages.
 

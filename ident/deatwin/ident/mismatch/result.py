@@ -231,7 +231,7 @@ class ConstancySummary:
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationSummary:
-    """Summary of the tests of the best explanation on held-out data.
+    """Summary of the tests of the best explanation by `verify`.
 
     Parameters
     ----------

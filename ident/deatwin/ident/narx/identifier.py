@@ -109,7 +109,7 @@ class Identifier:
         recordings : Recording, Experiment, or several
             Recordings in the model's units.
         y : None
-            Ignored argument of scikit-learn's interface: the recordings contain the outputs.
+            Argument of scikit-learn's interface, which is not used: the recordings contain the outputs.
 
         Returns
         -------
@@ -158,9 +158,11 @@ class NarxIdentifier(Identifier, ABC):
     estimator.
 
     Estimators that choose terms subtract the mean from a signal whose mean is larger than its variation, because powers
-    of such a signal are nearly collinear. All of them except `Grow` then fit a second time, with the equilibrium of the
-    first model as the origin of the outputs, so that no constant term is needed. For recordings with several outputs, a
-    clone of the estimator fits the equation of each output, whose terms may contain all outputs and inputs.
+    of such a signal are nearly collinear. After this, all of them except `Grow` fit a second time, with the equilibrium
+    of the first model as the origin of the outputs, so that no constant term is needed.
+
+    For recordings with several outputs, a clone of the estimator fits the equation of each output. The terms of each
+    equation may contain all outputs and inputs.
 
     Attributes
     ----------
@@ -200,7 +202,7 @@ class NarxIdentifier(Identifier, ABC):
         recordings : Recording, Experiment, or several
             Training data with a common sample time. The first samples of each recording serve as its lagged values.
         y : None
-            Ignored argument of scikit-learn's interface: the recordings contain the outputs.
+            Argument of scikit-learn's interface, which must be None: the recordings contain the outputs.
         progress : callable, optional
             Called with the share done, between 0 and 1, and a description of the current step.
 

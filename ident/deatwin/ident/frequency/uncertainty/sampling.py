@@ -85,7 +85,7 @@ class Sampled(Uncertain):
 
     @property
     def source(self) -> str:
-        """Origin of the uncertainty, for legends."""
+        """Text for legends that states the number of draws."""
         return f"of {len(self.draws)} draws"
 
     def plot(self, ax: Axes | None = None) -> Axes:

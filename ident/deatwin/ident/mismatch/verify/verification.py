@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Verification(Described):
-    """Results of the tests of an explanation on held-out data. Residuals are in SI units.
+    """Results of the tests of an explanation by `verify`. Residuals are in SI units.
 
     Parameters
     ----------

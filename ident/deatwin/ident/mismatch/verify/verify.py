@@ -36,7 +36,11 @@ def verify(
     problem: DiagnosisProblem | None = None,
     tried: Sequence[Candidate] = (),
 ) -> Verification:
-    """Test an explanation on the held-out data: by ablation, with placebo effects, for transfer and for constancy.
+    """Test an explanation, mainly on held-out data.
+
+    Ablation: the error must rise if one effect is removed and the others are refitted. Placebo effects: a copy of an
+    effect with wrong physics must not fit as well as the effect. Transfer: the error must not rise in any recording, or
+    at small, medium or large commands. Constancy: the strength of an effect must not change with time.
 
     Parameters
     ----------
