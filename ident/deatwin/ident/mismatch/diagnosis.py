@@ -145,7 +145,7 @@ class Diagnosis(Described):
     forms : tuple of FormSummary
         Interpretations of the rig file that were compared, the chosen one first.
     warnings : tuple of str
-        Further warnings for the user.
+        Warnings for the user.
     model, base_model : CalibratedPlant or None
         Calibrated plant with the causes, and without them.
     rival_models : mapping of str to CalibratedPlant
@@ -156,7 +156,7 @@ class Diagnosis(Described):
     readings : Readings or None
         Recorded and simulated values of the first reading.
     further : tuple of Readings
-        Recorded and simulated values of each further reading.
+        Recorded and simulated values of all other readings.
     findings : Findings or None
         Results of the steps of the diagnosis, in SI units, as objects with methods such as ``plot``.
     """

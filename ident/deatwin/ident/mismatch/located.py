@@ -179,7 +179,7 @@ class LocationSummary:
         Orders and frequency bands in which the recorded frequency response differs from that of the plant; None if this
         could not be tested.
     readings : tuple of ReadingLocation or None
-        Location in each further reading; None if there is only one reading.
+        Location in each reading other than the first; None if there is only one reading.
     """
 
     time: tuple[Window, ...]

@@ -123,8 +123,8 @@ class TotalLeastSquares:
 
     For a NARX model, the assumption holds only roughly: its regressors share lagged signals, and products of signals
     scale the errors. Identifiers such as `Frols` also divide each signal by the power of two above its largest
-    magnitude, so the errors are assumed to be equal after this division. If they are equal in physical units, call the
-    estimator with unscaled regressors, as returned by `TermTable.rows`.
+    magnitude, so the errors are assumed to be equal after this division. If the errors are equal in physical units,
+    call the estimator with unscaled regressors, as returned by `TermTable.rows`.
 
     References
     ----------

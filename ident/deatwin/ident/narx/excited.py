@@ -137,9 +137,9 @@ def excited_band(recording: Recording) -> float:
 def excitation(recording: Recording) -> Excitation:
     """Find the frequency bands in which the input of a recording has power.
 
-    The highest frequency is that of `excited_band`. A spectral line below it counts as excited if its power is at least
-    a thousandth of the mean power of these lines. On either side, an excited line covers a sixth of an octave, or a
-    tenth of the highest frequency if this is wider. Lines whose ranges overlap form one band.
+    The highest frequency is that of `excited_band`. A spectral line below this frequency counts as excited if its power
+    is at least a thousandth of the mean power of these lines. On either side, an excited line covers a sixth of an
+    octave, or a tenth of the highest frequency if this is wider. Lines whose ranges overlap form one band.
 
     Parameters
     ----------

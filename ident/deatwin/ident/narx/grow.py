@@ -33,13 +33,13 @@ class Grow(CandidateSearch):
     """Choose the terms of a NARX model by its free-run error: grow a linear model term by term, then prune it.
 
     The search starts from a linear model of second order. In each step, it adds the term that lowers the free-run error
-    most, to first order, and then adjusts all parameters to the smallest free-run error. It continues until the model
-    has 1.5 times ``max_terms`` terms. Terms are then removed one by one, always the one whose removal raises the error
-    least. Of all models on this path with at most ``max_terms`` terms, the one with the smallest free-run error on the
-    held-out samples is chosen. Its parameters are adjusted again on all samples.
+    most, to first order, and then minimises this error over all parameters. It continues until the model has 1.5 times
+    ``max_terms`` terms. Terms are then removed one by one, always the one whose removal raises the error least. Of all
+    models on this path with at most ``max_terms`` terms, the one with the smallest free-run error on the held-out
+    samples is chosen. Its parameters are then estimated on all samples.
 
     The parameters are unbiased if the noise is added to the readings, as in an output-error model. If the noise acts on
-    the plant itself, methods that minimise the one-step error (`Frols`, `SvbNarx`) are more efficient.
+    the plant itself, methods that minimise the one-step error (`Frols`, `SvbNarx`) have a smaller variance.
 
     The confidence intervals of the parameters do not include the uncertainty of the choice of terms. In 100
     simulations of systems with ``|u|`` and with a saturation, the 95 % intervals contained 96 % of the true values if
@@ -54,8 +54,8 @@ class Grow(CandidateSearch):
     held_out : float
         Share of each recording, at its end, on which the models are compared.
     parts : int
-        Number of parts into which each recording is cut. A model is grown on each part, and its parameters are adjusted
-        on all recordings. The model with the smallest free-run error on all recordings is kept. Because the parts are
+        Number of parts into which each recording is cut. A model is grown on each part, and its parameters are then
+        estimated on all recordings. The model with the smallest free-run error on all recordings is kept. Because the parts are
         shorter, this takes no longer than growing one model on the whole recordings.
 
     Attributes

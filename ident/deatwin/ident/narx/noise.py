@@ -33,7 +33,7 @@ class Narmax(NarxIdentifier):
 
     The terms of f are called process terms, and those of g, which contain e(k-l), noise terms. Another identifier
     chooses the process terms. The noise terms are either given, or chosen by their error reduction ratio (`Frols`). For
-    this choice, e is first estimated as the residual of a model with many more lags.
+    this choice, e is first estimated as the residual of a model with many more lags than the process model.
 
     The parameters of all terms are then estimated together, by the smallest sum of squared prediction errors. If the
     noise terms are chosen, choice and estimation are repeated once with the resulting e. If the noise is coloured, this

@@ -56,7 +56,7 @@ class Location(Described):
     unit : tuple of str and float
         Unit in which amplitudes are reported, and its size in SI.
     readings : tuple of ReadingLocation or None
-        Location in each further reading; None if there is only one reading.
+        Location in each reading other than the first; None if there is only one reading.
     """
 
     time: Times

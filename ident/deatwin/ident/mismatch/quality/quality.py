@@ -87,7 +87,8 @@ class DataQuality(Described):
         Samples at which a reading is much noisier than elsewhere, which are left out. The key is the name of the
         reading, and empty for the first reading.
     stuck_further : mapping of str to tuple of tuple of ndarray of bool
-        Samples at which a further reading is stuck, which are left out of this reading. The key is its name.
+        Samples at which a reading other than the first is stuck. They are left out of this reading. The key is its
+        name.
     settled : tuple of tuple of ndarray of bool
         Samples at which the influence of an unknown initial state has decayed. All other samples are left out.
     unknown : tuple of tuple of ndarray of bool
@@ -163,7 +164,7 @@ class DataQuality(Described):
         return tuple(tuple(~mask for mask in masks) for masks in self.settled)
 
     def known(self, name: str) -> Masks:
-        """Return marks of the samples of a further reading that are not left out.
+        """Return marks of the samples that are not left out, for a reading other than the first.
 
         Parameters
         ----------
