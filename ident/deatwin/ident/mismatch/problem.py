@@ -72,10 +72,10 @@ class DiagnosisProblem:
     def log_size(self, names: Collection[str], plant: Plant) -> float:
         """Return the log-prior of the strengths of effects that do not act at their usual place.
 
-        Let z be the fitted strength of an effect, divided by the scale of its prior. The prior density of
-        ln z is proportional to z exp(-z²/2) and largest at z = 1. For z > 1, the log-prior is the logarithm of this
-        density relative to its maximum; otherwise it is 0. It is also 0 for strengths that are not dimensionless. The
-        values of all effects are added.
+        Let z be the fitted strength of an effect, divided by the scale of its prior. The prior density of ln z is
+        proportional to z exp(-z²/2) and largest at z = 1. For z > 1, the log-prior is the logarithm of this density
+        relative to its maximum; otherwise it is 0. It is also 0 for strengths that are not dimensionless. If there are
+        several effects, their log-priors are added.
 
         Parameters
         ----------

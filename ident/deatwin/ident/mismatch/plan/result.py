@@ -87,9 +87,9 @@ class TellingReading(SensorOffer):
     noise_source : str
         Source of the value of `noise`.
     tells : tuple of tuple of str
-        Pairs of effects, at their typical strengths, that the input alone does not distinguish but this reading does.
+        Pairs of effects, at their typical strengths, that the rig's own readings do not distinguish, but this one does.
     left : int
-        Number of pairs that the input alone does not distinguish.
+        Number of pairs of effects that the rig's own readings do not distinguish.
     """
 
     tells: tuple[tuple[str, ...], ...]
