@@ -55,8 +55,8 @@ class Grow(CandidateSearch):
         Share of each recording, at its end, on which the models are compared.
     parts : int
         Number of parts into which each recording is cut. A model is grown on each part, and its parameters are then
-        estimated on all recordings. The model with the smallest free-run error on all recordings is kept. Because the parts are
-        shorter, this takes no longer than growing one model on the whole recordings.
+        estimated on all recordings. The model with the smallest free-run error on all recordings is kept. Because the
+        parts are shorter, this takes no longer than growing one model on the whole recordings.
 
     Attributes
     ----------

@@ -158,8 +158,8 @@ class NarxIdentifier(Identifier, ABC):
     estimator.
 
     Estimators that choose terms subtract the mean from a signal whose mean is larger than its variation, because powers
-    of such a signal are nearly collinear. After this, all of them except `Grow` fit a second time, with the equilibrium
-    of the first model as the origin of the outputs, so that no constant term is needed.
+    of such a signal are nearly collinear. If they have done so, all of them except `Grow` fit a second time, with the
+    equilibrium of the first model as the origin of the outputs, so that no constant term is needed.
 
     For recordings with several outputs, a clone of the estimator fits the equation of each output. The terms of each
     equation may contain all outputs and inputs.

@@ -77,9 +77,9 @@ class Lasso(CandidateSearch):
     """Choose the terms of a NARX model by the LASSO and by the free-run error on held-out samples.
 
     Each recording is split into a beginning and a held-out end. On the beginnings, the regressors are standardised, and
-    the LASSO path is computed from the largest penalty down (least angle regression). Each set of terms on the path is
-    refitted by least squares, which removes the bias of the penalty, with and without a constant term. The set with the
-    smallest mean squared free-run error on the ends is chosen. Its parameters are then estimated on all samples.
+    the LASSO path is computed from the largest penalty down (least angle regression). Each set of terms on the path,
+    with and without a constant term, is refitted by least squares, which removes the bias of the penalty. The set with
+    the smallest mean squared free-run error on the ends is chosen. Its parameters are then estimated on all samples.
 
     If regressors are correlated, false terms may enter the path before all true terms have entered. The set of true
     terms is then not on the path.

@@ -191,8 +191,8 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         Parameters
         ----------
         models : sequence of NarxModel
-            One model for each output, in the order of the outputs. All have the names of the same inputs and outputs.
-            Each has terms only in the equation of its own output.
+            One model for each output, in the order of the outputs. All models have the same names of inputs and
+            outputs. Each model has terms only in the equation of its own output.
 
         Returns
         -------
@@ -281,9 +281,9 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         -------
         NarxResponse
             Response with ``.outputs`` of shape (n_outputs, n). The samples before ``.first``, which is the largest lag
-            plus ``steps - 1``, are measured values. In noise terms, e is the one-step prediction
-            error; e is 0 at the first samples, which have no prediction, and after the last measured output that is
-            used. ``.status`` tells whether predictions several steps ahead diverge.
+            plus ``steps - 1``, are measured values. In noise terms, e is the one-step prediction error. At the first
+            samples, which have no prediction, and after the last measured output that is used, e is 0. ``.status``
+            tells whether predictions several steps ahead diverge.
 
         Raises
         ------

@@ -104,7 +104,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
     offset : float
         Constant on the right side of the equation, in the output's unit.
     theta_cov : ndarray, shape (n_theta, n_theta), optional
-        Covariance of ``theta``; zero if omitted. It is valid only if the residuals are white.
+        Covariance of the free coefficients (``theta``); zero if omitted. It is valid only if the residuals are white.
     noise_variance : float
         Variance of e(k), square of the output's unit.
     sample_time : float
@@ -247,7 +247,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         return response_over(recording, outputs[None], output.size - errors.size, self.output_units)
 
     def simulate(self, recording: Recording, *, warmup: int | None = None) -> NarxResponse:
-        """Simulate the output from the inputs alone, without noise (free run).
+        """Simulate the output from the inputs and an initial state, without noise (free run).
 
         The initial state is fitted to the first `warmup` measured outputs by least squares. Later outputs are not used.
 
