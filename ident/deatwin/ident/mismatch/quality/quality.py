@@ -130,7 +130,7 @@ class DataQuality(Described):
     def usable(self) -> Masks:
         """Marks of the samples of the first reading that are not left out.
 
-        If more than 90 % of the samples are faulty, these are the ``settled`` ones, because a fit needs samples.
+        If more than 90 % of the samples are faulty, the marks are those of ``settled``, because a fit needs samples.
         """
         everything = [mask for masks in self.sound for mask in masks]
         if sum(int(m.sum()) for m in everything) >= FEWEST_SOUND * sum(m.size for m in everything):

@@ -40,7 +40,7 @@ class LinearIdentifier(Identifier):
     status_: FitStatus
 
     def fit(self, recordings: Recordings, y: None = None, *, progress: Progress | None = None) -> Self:
-        """Estimate the polynomials; `recordings` (of one output), `y` and `progress` are those of `NarxIdentifier.fit`."""
+        """Estimate the polynomials; `recordings` (of one output), `y` and `progress` as in `NarxIdentifier.fit`."""
         from threadpoolctl import threadpool_limits
 
         require_no_target(y)
