@@ -45,21 +45,24 @@ class Refinable(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discrepancy:
-    """Error that remains after a plant is calibrated to the simulated readings of a finer plant.
+    """Error that remains after a plant is calibrated to the simulated readings of a plant with finer equations.
+
+    The error is the reading of the plant with finer equations minus the reading of the calibrated plant.
 
     Parameters
     ----------
     rms : float
-        Root mean square error over all readings, SI.
+        Rms error over all readings, SI.
     motion : float
-        Standard deviation of the readings, SI.
+        Standard deviation of the readings of the plant with finer equations, SI; NaN if there is no such plant.
     before : float
         Rms error before the calibration, SI.
     commands : ndarray, shape (n,)
-        Centres of equal intervals of the command, in the rig's unit.
-    mean, deviation : ndarray, shape (n,)
-        Mean and rms of the finer plant's readings minus the calibrated plant's, in each interval of the command, SI;
-        NaN in intervals never visited.
+        Centres of n equal intervals of the command, in the unit of the command.
+    mean : ndarray, shape (n,)
+        Mean error in each interval of the command, SI; NaN in an interval without readings.
+    deviation : ndarray, shape (n,)
+        Rms error in each interval of the command, SI; NaN in an interval without readings.
     """
 
     rms: float
