@@ -186,8 +186,8 @@ def specification() -> Plant:
 def fleet(seed: int = 0) -> tuple[Actuator, ...]:
     """Return six simulated actuators with the same nominal plant but different fabrication and history.
 
-    The dimensions and material values of each actuator are drawn within fabrication tolerances. During its recording,
-    each actuator also changes by other effects, such as drift: this is its history.
+    The dimensions and material values of each actuator are drawn within fabrication tolerances. In addition, each
+    actuator changes during its recording, for example by drift or creep: this is its history.
 
     Parameters
     ----------

@@ -245,7 +245,9 @@ class Plant:
         return discrepancy(self.with_rig(replace(self.rig, further=())), experiment_for(self.rig, recording))
 
     def record(self, experiment: Experiment | Recording, rng: np.random.Generator) -> Experiment:
-        """Simulate an experiment including drive and sensor: with `Rig.chain`, or if it is None with sensor noise.
+        """Simulate an experiment and add the noise of the sensors.
+
+        If the rig has a `Rig.chain`, the commands and the first reading pass through this chain, which adds the noise.
 
         Parameters
         ----------

@@ -74,24 +74,24 @@ class Discrepancy:
 
     @property
     def share(self) -> float:
-        """Rms error as a share of the motion."""
+        """`rms` divided by `motion`."""
         return self.rms / self.motion if self.motion > 0 else 0.0
 
     def at(self, commands: np.ndarray) -> np.ndarray:
-        """Return rms errors (m,), SI, at `commands` (m,): linear between intervals' centres, constant beyond them."""
+        """Return the rms errors at `commands`, shape (m,), SI, interpolated linearly between the intervals' centres."""
         seen = np.isfinite(self.deviation)
         return np.interp(commands, self.commands[seen], self.deviation[seen])
 
     @classmethod
     def between(cls, fine: np.ndarray, coarse: np.ndarray, commands: np.ndarray, before: float) -> Self:
-        """Return the discrepancy of two sets of readings.
+        """Make the discrepancy from the readings of two plants.
 
         Parameters
         ----------
         fine, coarse : ndarray, shape (n,)
-            Readings of the fine and of the coarse plant, SI.
+            Readings of the plant with finer equations, and of the calibrated plant, SI.
         commands : ndarray, shape (n,)
-            Commands of the readings, in the rig's unit.
+            Commands at which the readings were taken, in the unit of the command.
         before : float
             Rms error before the calibration, SI.
         """

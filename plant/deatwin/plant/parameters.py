@@ -18,7 +18,8 @@ BEYOND = 1.01  # Ratio of a value just beyond the end of a range to that end
 class Scale(Enum):
     """Transformation of a parameter in a fit: none, logarithm or reciprocal.
 
-    A fit varies the transformed value, the coordinate, on which the readings should depend nearly linearly.
+    A fit varies the transformed value, which is called the coordinate. The readings should depend on the coordinate
+    nearly linearly.
     """
 
     LINEAR = "value"
@@ -177,7 +178,7 @@ class ParameterSet(Mapping[str, Parameter]):
 
     @property
     def free(self) -> tuple[str, ...]:
-        """Names of the parameters that a calibration changes, in order; these are not `Parameter.known`."""
+        """Names of the parameters that a calibration changes, in order: those that are not `Parameter.known`."""
         return tuple(p.name for p in self.values() if not p.known)
 
     def array(self, names: Iterable[str] | None = None) -> np.ndarray:

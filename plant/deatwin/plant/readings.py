@@ -37,7 +37,8 @@ class Reading:
         Rms error of the rig's equations in this reading, in `unit`.
     series_resistance : float
         Known resistance between the drive and the film, ohm. It matters only for the reading ``current`` of a plant
-        with the effect `Leakage`: the leakage current is the voltage drop divided by this resistance.
+        with the effect `Leakage`: the leakage current is the voltage drop across the resistance divided by the
+        resistance.
     column : str
         Header of the file column that holds the reading. A unit may follow an equals sign: ``"I_mon=nA"``. By default,
         the column with the name of the reading, if the file has one.

@@ -49,9 +49,9 @@ class Recording:
     Raises
     ------
     DataError
-        If an array has the wrong shape, or as many names or units as rows are not given; if a name or a unit is not
-        text; if two inputs or two outputs have the same name; if an input or an output is not finite, or a further
-        channel is infinite; or if the sample time is not positive.
+        If an array has the wrong shape; if the number of names or of units differs from the number of rows; if a name
+        or a unit is not text; if two inputs or two outputs have the same name; if an input or an output is not finite,
+        or a further channel is infinite; or if the sample time is not positive.
     """
 
     inputs: NDArray[np.float64]
@@ -135,8 +135,8 @@ class Recording:
         start : float
             Time of the first sample, s.
         input_names, output_names : sequence of str, optional
-            Name of each row. By default, a single input is called ``command``, a single output ``displacement``, and
-            several signals ``input_1``, ``input_2`` and so on.
+            Name of each row. By default, a single input is called ``command`` and a single output ``displacement``;
+            several inputs are called ``input_1``, ``input_2`` and so on, and several outputs ``output_1`` and so on.
         input_units, output_units : sequence of str, optional
             SI unit of each row. By default, a single signal without a given name is in V (input) or m (output); all
             other units are unknown (``""``).

@@ -25,7 +25,7 @@ class Simulation(Brief):
     Parameters
     ----------
     status : RunStatus
-        How the simulation ended. If it ran to the end although events occurred, the status is that of the first event.
+        How the simulation ended. If the simulation reached its end and events occurred, this is the first event.
     outputs : tuple of ndarray, each of shape (n_readings, n)
         Noise-free readings of each recording, SI, with one row for each of `Rig.readings`; NaN after a failure.
     watched : tuple of mapping of str to ndarray, each of shape (n,)
@@ -97,7 +97,7 @@ class Simulation(Brief):
         return min(unsound, default=np.inf)
 
     def to_xarray(self, experiment: Experiment) -> Any:
-        """Return commands, readings and watched signals as an `xarray.Dataset` over all samples.
+        """Return commands, readings and internal signals as an `xarray.Dataset` over all samples.
 
         Parameters
         ----------

@@ -41,7 +41,7 @@ def load_plant(source: str | os.PathLike[str] | RigFile | ModelFile) -> Calibrat
     source : str, path, RigFile or ModelFile
         One of these:
 
-        - path of a rig file or of a model file (``.toml``), or the content of such a file;
+        - path of a rig file or of a model file (``.toml``), or the content of a rig file from `read_rig`;
         - path of an FMU (``.fmu``), beside which there is a model file of the same name;
         - path of a ``model.json``;
         - ``module:function``, the name of a function without arguments that returns a `Plant`. The module may be in the

@@ -45,7 +45,7 @@ class Material:
     Parameters
     ----------
     name : str
-        Name in a rig file.
+        Name of the material, as in a rig file.
     energy : callable
         Function ``energy(stretch_1, stretch_2, *elastic_parameters)`` that returns the elastic energy per reference
         volume, J/m³: one of `deatwin.plant.laws`, a `deatwin.plant.laws.Formula`, or a function of your own in CasADi.
@@ -57,7 +57,7 @@ class Material:
     branches : tuple of Branch
         Maxwell branches; empty for a purely elastic material.
     permittivity : Parameter
-        Relative permittivity of the stretched film.
+        Relative permittivity of the film at its prestretch.
     breakdown : BreakdownLaw, or None
         Law of the breakdown field; None if it is unknown, in which case no breakdown is detected.
     density : float

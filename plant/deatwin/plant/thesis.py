@@ -14,8 +14,8 @@ def thesis_plant() -> Plant:
     The 80 mm frame, the 35 mm electrode, the 3 g ball, the gain of 800 and the sampling rate of 50 Hz are from the
     thesis. The prestretch of "350 %" in the thesis is taken as a stretch of 3.5. The thesis does not state the contact
     between film and ball; here the film slides on the ball. The material values were chosen so that the simulation
-    gives the reported displacement: about a millimetre at 3 kV, and nearly linear below a command of 2.5 V. Up to 3 kV,
-    the displacement agrees within 2 % with that of a finite-element membrane.
+    gives the reported displacement: about a millimetre at 3 kV, and nearly linear in the command below 2.5 V. Up to
+    3 kV, the displacement agrees within 2 % with that of a finite-element membrane.
 
     References
     ----------

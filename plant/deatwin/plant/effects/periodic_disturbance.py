@@ -56,7 +56,7 @@ class PeriodicDisturbance(Effect):
     frequency : float
         f, the frequency, Hz.
     phase : float
-        :math:`\varphi` at time 0, rad.
+        :math:`\varphi`, the phase at time 0, rad.
 
     References
     ----------

@@ -27,8 +27,8 @@ class PermittivityStretch(Effect):
 
     Typical for VHB: c = -0.08 to 0. At a stretch of 3.5, c = -0.08 reduces the Maxwell stress by 14 %. Signature: the
     change of the reading is static and even in the voltage. The effect resembles a smaller permittivity, but it also
-    bends the curve of displacement over voltage, most above 2.5 kV. The film's sag at 0 V does not change,
-    whereas `strain_stiffening` changes the sag. The effect is off at c = 0.
+    bends the curve of displacement over voltage, most above 2.5 kV. The film's sag at 0 V does not change, whereas
+    `strain_stiffening` changes the sag. The effect is off at c = 0.
 
     Parameters
     ----------

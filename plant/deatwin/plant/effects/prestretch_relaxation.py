@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PrestretchRelaxation(Effect):
-    r"""The equilibrium tension of the mounted film decays during the experiment.
+    r"""The tension of the mounted film decays during the experiment.
 
     .. math:: W \to W\,\bigl[1 - a(1 - e^{-t/\tau})\bigr]
 
@@ -25,7 +25,7 @@ class PrestretchRelaxation(Effect):
     only on the time, and begins at time 0. Typical for VHB that rested too short a time after it was stretched: a loss
     of 2 to 15 %, with a time constant of 1000 to 100,000 s.
 
-    Signature: the sag of the film under the ball at 0 V grows, and so does the displacement by voltage. In
+    Signature: the sag of the film under the ball at 0 V grows, and so does the displacement by voltage. For the film of
     `thesis_plant`, a loss of 1 % of the tension increases the sag by 1 %, and the displacement by about 2.4 % at 1.9 kV
     and by about 5 % at 3 kV. A `permittivity_drift` does not change the sag. `creep` follows the command, and recovers
     when the voltage is removed. The effect is off at a = 0.

@@ -22,7 +22,7 @@ class QuadraticDamping(Effect):
 
     F is the drag force and v the ball's velocity. The effect has no state. Typical: c = 0.1 to 10 N s²/m² if air is
     pressed through the gap below the film, or if the ball moves in a liquid. For a disc of 80 mm diameter in free air,
-    c is 0.004 N s²/m², which no reading shows.
+    c is 0.004 N s²/m², too little to be visible in the reading.
 
     Signature: the effect appears only when the ball is fast, that is after steps and near its resonance. Large
     oscillations decay faster than small ones: the relative loss of amplitude per half period is proportional to the

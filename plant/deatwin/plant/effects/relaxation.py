@@ -35,11 +35,11 @@ class Relaxation(Effect):
     fills and empties through a resistance, such as the heat capacity of furniture in a room.
 
     Typical for rubbers and silicones: :math:`k_r` of 10 to 50 % of k, and a :math:`\tau_r` far longer than the period
-    of the motion. Signature: after each step of the command the body continues to move slowly, in proportion to the
-    step, and after the step back it recovers. The gain is higher for slow than for fast commands. For a sinusoidal
-    command, the loop of reading over command is widest at a period of about :math:`2\pi\tau_r`, whereas the loop of
-    `hysteresis` has the same width at all periods. A `sensor_drift` does not depend on the command. The effect is off
-    at :math:`k_r = 0`.
+    of the motion. Signature: after each step of the command, the body continues to move slowly, by a distance
+    proportional to the step. After a step back, the body recovers as slowly. The gain from command to displacement is
+    higher for slow than for fast commands. For a sinusoidal command, the loop of reading over command is widest at a
+    period of about :math:`2\pi\tau_r`, whereas the loop of `hysteresis` has the same width at all periods. A
+    `sensor_drift` does not depend on the command. The effect is off at :math:`k_r = 0`.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Relaxation(Effect):
         return signal - self.own("stiffness", build) * (displacement - damper)
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return such effects with up to five relaxation times, from two samples to a third of the length of `timepts` (s).
+        """Return up to five such effects, with relaxation times from two samples to a third of the span of `timepts` (s).
 
         `residual` has no influence.
         """

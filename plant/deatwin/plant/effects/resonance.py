@@ -23,8 +23,8 @@ class Resonance(Effect):
               \omega = 2\pi f
 
     F is the force that the spring and the damper exert on the ball, and y is the displacement of the ball. The effect
-    has two states: the displacement :math:`x_2` (m) of the second mass from rest, and its velocity (m/s). The second
-    mass adds inertia but no weight, because it represents a vibrating structure that carries its own weight.
+    has two states: the displacement :math:`x_2` (m) and the velocity (m/s) of the second mass. The second mass adds
+    inertia but no weight, because it represents a vibrating structure that carries its own weight.
 
     Typical: a mode of the film, the frame or the holder, with 1 to 20 % of the ball's mass and a damping ratio of 0.01
     to 0.1. Signature: the frequency response has a narrow peak next to a dip. A voltage lowers the ball's natural

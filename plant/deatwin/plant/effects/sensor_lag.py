@@ -27,8 +27,8 @@ class SensorLag(Effect):
     Typical: :math:`\tau_s` = 0.1 to 20 ms, from the sensor's averaging. Signature: the reading is delayed, and it is
     attenuated at frequencies above :math:`1/(2\pi\tau_s)`. A `delay` of the command does not attenuate. The lag acts
     after all nonlinearities of the plant, so that each harmonic in the reading lags according to its own frequency. The
-    ball's ringing appears smaller, although the ball itself is not damped. The effect is off at :math:`\tau_s = 0`,
-    where y = x.
+    ball's ringing is smaller in the reading, although the ball itself is not damped. The effect is off at
+    :math:`\tau_s = 0`, where y = x.
 
     On a rig without a film, `placed` returns the effect for a lag of the ``command`` instead; on a rig with a film, use
     `electrode_rc` for that.

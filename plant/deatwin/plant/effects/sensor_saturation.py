@@ -19,9 +19,9 @@ class SensorSaturation(Effect):
 
     .. math:: y \to y - s\,p(y - y_l), \qquad p(x) = w\ln(1 + e^{x/w})
 
-    y is the reading. The effect has no state. With s = 1 the reading is clipped at the limit :math:`y_l`; with s < 1 it
-    continues to rise beyond the limit, with 1 - s times its former slope. The corner is rounded over w = 1 µm, which is
-    less than the sensor noise. There is no lower limit, because the ball rests at the lower end of the range.
+    y is the reading. The effect has no state. With s = 1 the reading is clipped at the limit :math:`y_l`; with s < 1
+    the sensor's gain is 1 - s beyond the limit. The corner is rounded over w = 1 µm, which is less than the sensor
+    noise. There is no lower limit, because the ball rests at the lower end of the range.
 
     Typical: :math:`y_l` = 0.4 mm, for an analogue output that was scaled to the expected motion. Signature: the reading
     has flat tops without ringing, because the ball moves freely beyond the limit. An `end_stop` instead stops the ball,

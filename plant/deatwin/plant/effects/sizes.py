@@ -43,7 +43,7 @@ class Sizes:
     The typical values and ranges in the catalogue hold for the default `Diaphragm`, a film that carries a ball. On a
     plant with other sizes and units, such as an electric circuit, an effect has the same equation with scaled values.
     The unit of a value determines the factor: a stiffness in N/m, for example, is multiplied by the ratio of this
-    plant's typical force to that of the diaphragm, and divided by the same ratio of displacements.
+    plant's typical force to that of the diaphragm, and divided by the corresponding ratio of displacements.
 
     Parameters
     ----------

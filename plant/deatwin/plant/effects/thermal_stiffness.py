@@ -34,9 +34,9 @@ class ThermalStiffness(Effect):
 
     Typical: :math:`k_T` of a few percent per kelvin, with periods from minutes to a day. VHB tape softens as it warms.
     Signature: the displacement at all voltages varies with a period that the command does not contain, and so does the
-    sag of the film under the ball at 0 V. In `thesis_plant`, the displacement at 1.9 kV varies by about 2.4 % if the
-    sag varies by 1 %. A `permittivity_drift` changes in one direction only, and does not change the sag. The effect is
-    off at :math:`k_T = 0`.
+    sag of the film under the ball at 0 V. For the film of `thesis_plant`, the displacement at 1.9 kV varies by about
+    2.4 % if the sag varies by 1 %. A `permittivity_drift` changes in one direction only, and does not change the sag.
+    The effect is off at :math:`k_T = 0`.
 
     Parameters
     ----------

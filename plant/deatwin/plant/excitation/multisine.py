@@ -105,10 +105,10 @@ def random_phase_multisine(
     lower: float = 1.1,
     upper: float = 3.75,
 ) -> NDArray[np.float64]:
-    """Return whole periods of a multisine, that is a sum of sines with random phases, added to a bias.
+    """Return whole periods of a bias plus a multisine, which is a sum of sines with random phases.
 
-    The multisine is not clipped to the limits, because clipping would put power at frequencies that are not among
-    `harmonics`. Instead, the phases are drawn anew, up to a hundred times, until the multisine lies within the limits.
+    The signal is not clipped to the limits, because clipping would put power at frequencies that are not among
+    `harmonics`. Instead, the phases are drawn anew, up to a hundred times, until the signal lies within the limits.
 
     Parameters
     ----------

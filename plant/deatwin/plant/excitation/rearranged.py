@@ -10,8 +10,8 @@ from deatwin.plant.excitation.samples import command_array, sample_count, with_n
 def with_alternating_polarity(commands: ArrayLike, sample_time: float, segment: float) -> NDArray[np.float64]:
     """Return a signal with the sign of every second segment reversed.
 
-    The Maxwell stress is proportional to the square of the voltage. If the response changes with the sign, the film
-    therefore holds charge, or the amplifier has an offset, or the amplifier is unipolar.
+    The Maxwell stress is proportional to the square of the voltage, so that the sign should have no influence. A
+    response that changes with the sign reveals charge in the film, an offset of the amplifier, or a unipolar amplifier.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ def staircase(
 
     Each level except the highest is held twice, on the way up and on the way down. The response distinguishes creep
     from hysteresis. With creep, the motion continues during each hold, in the direction of the last step. With
-    hysteresis, the film is at rest during the holds, but its position differs between the two holds at one level.
+    hysteresis, the film is at rest during the holds, but the reading differs between the two holds at one level.
 
     Parameters
     ----------

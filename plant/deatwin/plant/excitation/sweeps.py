@@ -20,9 +20,9 @@ def linear_chirp(
 ) -> NDArray[np.float64]:
     """Return a bias plus a sine whose frequency changes linearly with time.
 
-    The signal starts at the bias and rises first. The default frequencies end near the resonance of the diaphragm with
-    its ball at 2.4 V. The frequency f of this resonance gives the sag of the diaphragm under the ball, g/(2πf)² with
-    the gravity g, even if the sensor's zero is unknown.
+    The signal starts at the bias and rises first. By default, the frequency ends near the resonance of the diaphragm
+    with its ball at 2.4 V. The frequency f of this resonance gives the sag of the diaphragm under the ball, g/(2πf)²
+    with the gravity g, even if the sensor's zero is unknown.
 
     Parameters
     ----------

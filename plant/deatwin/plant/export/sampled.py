@@ -48,7 +48,7 @@ class Signal:
 
 @dataclass(frozen=True, kw_only=True)
 class SampledSource:
-    """Sampled system as C source, with one function call per sample.
+    """Sampled system as C source with a step function, which computes one sample per call.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ class ParameterDrift(Effect):
 
     @property
     def wording(self) -> str:  # type: ignore[override]
-        """Sentence about the effect, with its parameters as ``{fields}``."""
+        """Sentence about the effect, with the names of its parameters in braces."""
         words = self.parameter.replace("_", " ").replace("{", "{{").replace("}", "}}")
         return f"The parameter {words} drifts towards a final change of {{relative_change}} with a time constant of {{time}}"
 

@@ -97,7 +97,7 @@ class ForeignRig(Rig):
     kind: ClassVar[str] = "foreign"
     equations_known: ClassVar[bool] = False
     follows_at_once: ClassVar[bool] = True
-    """True, because the command of a foreign model is a mean over each sample: a delay need not divide the sample."""
+    """True, because the model gets one command for each sample, the mean over the sample."""
 
     def __post_init__(self) -> None:
         if not callable(self.model):
@@ -128,7 +128,7 @@ class ForeignRig(Rig):
 
     @property
     def start(self) -> StartProcedure:
-        """Start of an experiment: from `rest_command`. The callable sets the initial state of the model itself."""
+        """Start of an experiment: at `rest_command`. The model sets its own initial state."""
         return StartProcedure(rest_command=self.rest_command)
 
     def effects(self) -> tuple[Effect, ...]:
@@ -191,7 +191,7 @@ class ForeignRig(Rig):
         Parameters
         ----------
         data : str or mapping
-            ``module:name``, or the fields of an FMU.
+            Name of a function, ``module:name``, or the fields of an `FmuModel`.
 
         Raises
         ------

@@ -37,8 +37,9 @@ def electric_energy(stretch_1: Any, stretch_2: Any, permittivity: Any, nominal_f
 
     .. math:: w_e = -\tfrac{\varepsilon_r\varepsilon_0}{2}\tilde E^2(\lambda_1\lambda_2)^2
 
-    :math:`\varepsilon_0` is the permittivity of vacuum. For a constant permittivity, the derivative of the co-energy
-    with respect to a stretch gives the Maxwell stress :math:`\varepsilon_r\varepsilon_0E^2`, where E is the true field.
+    :math:`\varepsilon_0` is the permittivity of vacuum. For a constant permittivity,
+    :math:`\lambda_i\,\partial w_e/\partial\lambda_i = -\varepsilon_r\varepsilon_0E^2` with the true field E: the
+    magnitude is the Maxwell stress.
 
     Parameters
     ----------
@@ -172,8 +173,8 @@ def electrostriction_factors(
 
     :math:`\sigma_i` is the electric stress in direction i and E the true field. The dependence of
     :math:`\varepsilon(\lambda_1, \lambda_2)` on the stretches describes electrostriction at large strain. The factors
-    follow from the co-energy: if `electric_energy` gets such a permittivity, the derivatives of the energy already
-    contain the factors.
+    follow from the co-energy: if such a permittivity is passed to `electric_energy`, the derivatives of the energy
+    already contain the factors.
 
     Parameters
     ----------

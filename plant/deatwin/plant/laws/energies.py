@@ -57,6 +57,8 @@ def second_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
 def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> Symbol:
     r"""Neo-Hookean energy :math:`W = \tfrac{\mu}{2}(I_1 - 3)`; the initial shear modulus is :math:`\mu`.
 
+    :math:`I_1` is the first invariant; see `first_invariant`.
+
     Parameters
     ----------
     stretch_1, stretch_2 : casadi.SX or float
@@ -74,6 +76,8 @@ def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> 
 
 def mooney_rivlin(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol) -> Symbol:
     r"""Mooney-Rivlin energy :math:`W = C_1(I_1 - 3) + C_2(I_2 - 3)`; the initial shear modulus is :math:`2(C_1 + C_2)`.
+
+    :math:`I_1` and :math:`I_2` are the invariants; see `first_invariant` and `second_invariant`.
 
     Parameters
     ----------
@@ -96,6 +100,8 @@ def mooney_rivlin(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: S
 
 def yeoh(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol, third: Symbol) -> Symbol:
     r"""Yeoh energy :math:`W = \sum_{k=1}^{3} C_k(I_1 - 3)^k`; the initial shear modulus is :math:`2C_1`.
+
+    :math:`I_1` is the first invariant; see `first_invariant`.
 
     Parameters
     ----------
@@ -159,7 +165,7 @@ def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
 def gent(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, stretch_limit: Symbol) -> Symbol:
     r"""Gent energy :math:`W = -\tfrac{\mu J_m}{2}\ln\bigl(1 - (I_1-3)/J_m\bigr)`.
 
-    The initial shear modulus is :math:`\mu`.
+    The initial shear modulus is :math:`\mu`. :math:`I_1` is the first invariant; see `first_invariant`.
 
     Parameters
     ----------
@@ -191,9 +197,9 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
               \beta = z\,\frac{3 - z^2}{1 - z^2} \approx \mathcal L^{-1}(z), \qquad
               z = \frac{1}{\lambda_L}\sqrt{\frac{I_1}{3}}
 
-    :math:`\mathcal L^{-1}` is the inverse Langevin function. The error of Cohen's form is largest near z = 0.80, where
-    the form exceeds the exact function by 4.94 %. The initial shear modulus is
-    :math:`\mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
+    :math:`I_1` is the first invariant; see `first_invariant`. :math:`\mathcal L^{-1}` is the inverse Langevin function.
+    The error of Cohen's form is largest near z = 0.80, where the form exceeds the exact function by 4.94 %. The initial
+    shear modulus is :math:`\mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
 
     Parameters
     ----------

@@ -40,9 +40,9 @@ class Formula:
     Parameters
     ----------
     text : str
-        Formula. It may contain the invariants ``I1`` and ``I2``, the stretches ``stretch_1``, ``stretch_2`` and
-        ``stretch_3``, numbers, the operators ``+ - * / ^``, and the functions ``exp``, ``log`` and ``sqrt``. All other
-        names are parameters.
+        Formula. It may contain the invariants ``I1`` and ``I2``, the principal stretches ``stretch_1``, ``stretch_2``
+        and ``stretch_3`` (across the film), numbers, the operators ``+ - * / ^``, and the functions ``exp``, ``log``
+        and ``sqrt``. All other names are parameters.
 
     Raises
     ------

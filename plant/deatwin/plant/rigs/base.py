@@ -47,7 +47,7 @@ class ReadingTime(Enum):
 
     @property
     def other_end(self) -> ReadingTime:
-        """``START_OF_HOLD`` for ``END_OF_HOLD``; otherwise ``END_OF_HOLD``."""
+        """Other end of the hold: ``START_OF_HOLD`` for ``END_OF_HOLD``, and otherwise ``END_OF_HOLD``."""
         return ReadingTime.START_OF_HOLD if self is ReadingTime.END_OF_HOLD else ReadingTime.END_OF_HOLD
 
 
@@ -118,8 +118,8 @@ class Rig(ABC):
     output_name: ClassVar[str]
     output_unit: ClassVar[str]
     model_share: ClassVar[float] = 0.0
-    """Rms error of the rig's equations divided by the standard deviation of the reading; used if the resulting error
-    exceeds `model_error`."""
+    """Rms error of the rig's equations, divided by the standard deviation of the reading. The larger of this error and
+    `model_error` counts."""
     follows_at_once: ClassVar[bool] = False
     """True if the reading follows the command without any dynamics."""
     equations_known: ClassVar[bool] = True

@@ -35,7 +35,7 @@ class BowTie(FilmActuator):
     dead load. Shear between neighbouring strips is neglected, which holds for films that narrow slowly.
 
     With ``"clamped"`` sides, stiff fibres across the film hold :math:`\lambda_s` constant (pure shear). With ``"free"``
-    sides, each strip contracts freely across the motion (uniaxial stress), and the film elongates little.
+    sides, each strip contracts freely across the motion (uniaxial stress), and the elongation by voltage is small.
 
     The outline and the sides are assumptions, because no drawings of published bow-tie actuators were available. The
     rig has no frame of hinged bars that turns sideways expansion into elongation.

@@ -24,7 +24,7 @@ RELAXED = replace(material("VHB 4910"), branches=())  # Default material: purely
 
 @dataclass(frozen=True, kw_only=True)
 class Coupon(Rig):
-    r"""Hyperelastic strip pulled uniaxially between two clamps; the reading is its force.
+    r"""Hyperelastic strip pulled uniaxially between two clamps; the reading is the pulling force.
 
     .. math:: F = \frac{1}{L}\,\frac{d}{d\lambda}\Bigl[w H L\; W(\lambda, \lambda^{-1/2})\Bigr]
 

@@ -66,7 +66,7 @@ class Diaphragm(Rig):
     direction : float
         1 if the reading grows with the displacement, -1 if it falls, as with a sensor on the other side.
     ball : {"bonded", "sliding"}
-        Contact between film and ball.
+        Contact between film and ball: the film sticks to the ball, or slides on it without friction.
     ball_is_known : bool
         True if the experimenter is sure of `ball`; otherwise a diagnosis also tries the other contact.
     prestretch_is_known : bool

@@ -33,11 +33,12 @@ class Pressure(FilmActuator):
               z(t) = (1 - t)\,\Bigl[z + \sum_{k\ge1} h_k t^k\Bigr] .
 
     The pressure p does the work :math:`p\int\pi r^2\,dz`. It is constant, as with a pressure regulator, or with a
-    chamber that is much larger than the volume under the film. The mass of the film moves with z and with all unknowns. A
-    flat film has the first natural frequency of a drum, :math:`f_1 = \frac{2.405}{2\pi B}\sqrt{\sigma/\varrho}`, where B is
-    the radius of the ring, :math:`\sigma` the stress and :math:`\varrho` the density of the film. Compared with the
-    differential equations of a membrane, the errors of the rise and of the pull-in voltage are below 0.5 %, as long as
-    the height of the apex is less than the diameter of the ring.
+    chamber that is much larger than the volume under the film. The equations include the inertia of the film in all
+    unknowns. A flat film has the first natural frequency of a drum,
+    :math:`f_1 = \frac{2.405}{2\pi B}\sqrt{\sigma/\varrho}`, where B is the radius of the ring, :math:`\sigma` the
+    stress and :math:`\varrho` the density of the film. Compared with the differential equations of a membrane, the
+    errors of the rise and of the pull-in voltage are below 0.5 %, as long as the height of the apex is less than the
+    diameter of the ring.
 
     Parameters
     ----------

@@ -142,7 +142,7 @@ def load_material(path: str | Path) -> Material:
     Parameters
     ----------
     path : str or Path
-        TOML file that `deatwin material` wrote, or a rig file with a section ``[material]``.
+        TOML file from the command ``deatwin material``, or a rig file with a section ``[material]``.
 
     Returns
     -------

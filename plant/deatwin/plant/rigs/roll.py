@@ -33,7 +33,7 @@ class Roll(FilmActuator):
     length : float
         L, the length of the unstretched film along the axis, m.
     width : float
-        B, the length of the unstretched film along the winding, m: the sum over both films of a pair.
+        B, the length of the unstretched film along the winding, m; if two films are wound together, the sum of both.
     prestretch, hoop_prestretch : float
         Stretches along and around the axis, without voltage.
     spring_rate : float

@@ -32,7 +32,7 @@ class Study:
     store : CaseStore
         Store that holds the results.
     names : tuple of str
-        Names of the cases, in order.
+        Names of the cases, in the order in which the results are returned.
     """
 
     store: CaseStore

@@ -59,10 +59,10 @@ def run_study(
 ) -> Study:
     """Run a function on every case, or resume an earlier run.
 
-    Each result is written to the folder as soon as the case is finished. If `work` raises an error for a case, the error
-    message is the result of this case; see `Study.failures`. To extend a study, run it again with additional cases:
-    finished cases are not repeated. The function, the seed, the settings, and the version and the code of deatwin must
-    not change between the runs of a study.
+    Each result is written to the folder as soon as the case is finished. If `work` raises an error for a case, the
+    error message is the result of the case; see `Study.failures`. To extend a study, run it again with additional
+    cases: finished cases are not repeated. The function, the seed, the settings, and the version and the code of
+    deatwin must not change between the runs of a study.
 
     Parameters
     ----------
