@@ -25,7 +25,7 @@ class Simulation(Brief):
     Parameters
     ----------
     status : RunStatus
-        How the simulation ended. If the simulation reached its end and events occurred, this is the first event.
+        How the simulation ended. If it reached its end and events occurred, the status is that of the first event.
     outputs : tuple of ndarray, each of shape (n_readings, n)
         Noise-free readings of each recording, SI, with one row for each of `Rig.readings`; NaN after a failure.
     watched : tuple of mapping of str to ndarray, each of shape (n,)

@@ -57,7 +57,7 @@ class Supply:
     Raises
     ------
     RigError
-        If a value is not a number above 0; `sink_current` and `parallel_capacitance` may also be 0.
+        If a given value is not a number above 0; `sink_current` and `parallel_capacitance` may also be 0.
     """
 
     current_limit: float | None = None

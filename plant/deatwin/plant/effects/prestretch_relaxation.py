@@ -25,10 +25,10 @@ class PrestretchRelaxation(Effect):
     only on the time, and begins at time 0. Typical for VHB that rested too short a time after it was stretched: a loss
     of 2 to 15 %, with a time constant of 1000 to 100,000 s.
 
-    Signature: the sag of the film under the ball at 0 V grows, and so does the displacement by voltage. For the film of
-    `thesis_plant`, a loss of 1 % of the tension increases the sag by 1 %, and the displacement by about 2.4 % at 1.9 kV
-    and by about 5 % at 3 kV. A `permittivity_drift` does not change the sag. `creep` follows the command, and recovers
-    when the voltage is removed. The effect is off at a = 0.
+    Signature: the sag of the film under the ball at 0 V grows, and so does the displacement under voltage. For the film
+    of `thesis_plant`, a loss of 1 % of the tension increases the sag by 1 %, and the displacement by about 2.4 % at
+    1.9 kV and by about 5 % at 3 kV. A `permittivity_drift` does not change the sag. `creep` follows the command, and
+    recovers when the voltage is removed. The effect is off at a = 0.
 
     Parameters
     ----------

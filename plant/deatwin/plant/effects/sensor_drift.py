@@ -47,9 +47,8 @@ class SensorDrift(Effect):
     amplifier's gain cannot be distinguished from `permittivity_drift`.
 
     The effect has no state. Typical: a micrometre to a tenth of a millimetre per hour, while the sensor head warms up
-    or its mount settles. Signature: all readings shift by the same amount, whatever the voltage. A
-    `permittivity_drift` instead scales the displacement by voltage, and does not change the reading at 0 V. The effect
-    is off at a = 0.
+    or its mount settles. Signature: all readings shift by the same amount, whatever the voltage. A `permittivity_drift`
+    instead scales the displacement under voltage, and does not change the reading at 0 V. The effect is off at a = 0.
 
     Parameters
     ----------

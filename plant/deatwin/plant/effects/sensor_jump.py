@@ -24,8 +24,8 @@ class SensorJump(Effect):
 
     h is the sample time. The effect has no state. The jump is smoothed over about one sample time, so that the reading
     is differentiable with respect to :math:`t_0`. Typical: a of tens of micrometres. Signature: the shift is the same
-    at any voltage. An `electrode_loss` instead reduces the displacement by voltage, and does not change the reading at
-    0 V. The effect is off at a = 0.
+    at any voltage. An `electrode_loss` instead reduces the displacement under voltage, and does not change the reading
+    at 0 V. The effect is off at a = 0.
 
     Parameters
     ----------

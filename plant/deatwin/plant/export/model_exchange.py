@@ -68,6 +68,8 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
     ModelError
         If the plant has no state of rest, the equations contain earlier commands, the installed CasADi is too old, or
         the FMI headers or a C compiler is missing.
+    DataError
+        If the file cannot be written.
     """
     require_plant(plant, "an export")
     require_identifier(name)

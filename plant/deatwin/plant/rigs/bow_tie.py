@@ -35,7 +35,7 @@ class BowTie(FilmActuator):
     dead load. Shear between neighbouring strips is neglected, which holds for films that narrow slowly.
 
     With ``"clamped"`` sides, stiff fibres across the film hold :math:`\lambda_s` constant (pure shear). With ``"free"``
-    sides, each strip contracts freely across the motion (uniaxial stress), and the elongation by voltage is small.
+    sides, each strip contracts freely across the motion (uniaxial stress), and the elongation under voltage is small.
 
     The outline and the sides are assumptions, because no drawings of published bow-tie actuators were available. The
     rig has no frame of hinged bars that turns sideways expansion into elongation.
@@ -65,7 +65,7 @@ class BowTie(FilmActuator):
     damping : float
         Damping constant of the moving part, N s/m; a start value for a fit.
     gain : float
-        Film volts per command volt.
+        Gain of the amplifier: film volts per command volt.
     start_ramp, start_hold : float
         Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
     start_is_known : bool

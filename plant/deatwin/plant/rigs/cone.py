@@ -73,7 +73,7 @@ class Cone(FilmActuator):
     damping : float
         Damping constant of the moving part, N s/m; a start value for a fit.
     gain : float
-        Film volts per command volt.
+        Gain of the amplifier: film volts per command volt.
     start_ramp, start_hold : float
         Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
     start_is_known : bool
@@ -106,7 +106,7 @@ class Cone(FilmActuator):
 
     kind: ClassVar[str] = "cone"
     model_share: ClassVar[float] = 0.005
-    """Rms error by the assumed shape of the film, divided by the standard deviation of the reading."""
+    """Rms error due to the assumed shape of the film, divided by the standard deviation of the reading."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

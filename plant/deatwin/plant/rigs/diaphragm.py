@@ -55,7 +55,7 @@ class Diaphragm(Rig):
     mass : float
         Mass of the ball, kg.
     gain : float
-        Film volts per command volt.
+        Gain of the amplifier: film volts per command volt.
     start_ramp, start_hold : float
         Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
     start_is_known : bool

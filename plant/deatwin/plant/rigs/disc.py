@@ -68,9 +68,9 @@ class Disc(FilmActuator):
     thickness : float
         Thickness of the film before stretching, m.
     damping : float
-        Damping constant of the edge's motion by the film's viscosity, N s/m; a start value for a fit.
+        Damping constant of the edge's motion due to the film's viscosity, N s/m; a start value for a fit.
     gain : float
-        Film volts per command volt.
+        Gain of the amplifier: film volts per command volt.
     start_ramp, start_hold : float
         Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
     start_is_known : bool
@@ -98,7 +98,7 @@ class Disc(FilmActuator):
 
     kind: ClassVar[str] = "disc"
     model_share: ClassVar[float] = 0.004
-    """Rms error by the assumed shape of the film, divided by the standard deviation of the reading."""
+    """Rms error due to the assumed shape of the film, divided by the standard deviation of the reading."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -26,7 +26,7 @@ MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the el
 
 @dataclass(frozen=True, kw_only=True)
 class Planar(FilmActuator):
-    r"""Film between a fixed and a moving bar; the reading is the elongation of the film by voltage.
+    r"""Film between a fixed and a moving bar; the reading is the elongation of the film under voltage.
 
     .. math:: H L_2\Bigl(\frac{\partial W}{\partial\lambda_1}
               - \varepsilon\frac{V^2}{H^2}\lambda_1\lambda_2^2\Bigr) = F_1
@@ -60,7 +60,7 @@ class Planar(FilmActuator):
         the motion in direction 1 only. With equal sides, the forces in both directions drive this motion: the total
         force is twice the difference between the right and the left side of the equation above.
     gain : float
-        Film volts per command volt.
+        Gain of the amplifier: film volts per command volt.
     start_ramp, start_hold : float
         Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
     start_is_known : bool
@@ -151,8 +151,8 @@ class BlockedPlanar(Rig):
 
     F is the force. H is the thickness before stretching, :math:`L_2` the width before stretching, W the strain energy
     density, :math:`\varepsilon` the permittivity and V the voltage. :math:`\lambda_1` is the stretch from bar to bar,
-    and :math:`\lambda_2` the stretch perpendicular to it. Because the film does not move, the change of the force by
-    voltage depends on the drive and the permittivity, but not on the elasticity.
+    and :math:`\lambda_2` the stretch perpendicular to it. Because the film does not move, the change of the force with
+    the voltage depends on the drive and the permittivity, but not on the elasticity.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ class BlockedPlanar(Rig):
     prestretch, side_prestretch : float
         :math:`\lambda_1` and :math:`\lambda_2`, which are constant.
     gain : float
-        Film volts per command volt.
+        Gain of the amplifier: film volts per command volt.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`. The noise is that of a load cell, N.
     """

@@ -23,7 +23,7 @@ SHAPES, POINTS = 3, 5
 
 @dataclass(frozen=True, kw_only=True)
 class Pressure(FilmActuator):
-    r"""Inflated film in a ring, with electrodes all over; the reading is the rise of the apex by voltage.
+    r"""Inflated film in a ring, with electrodes all over; the reading is the rise of the apex under voltage.
 
     A point of the film has the radius :math:`\rho` before stretching, up to :math:`B_0` at the ring. The variable
     :math:`t = \rho^2/B_0^2` runs from 0 at the apex to 1 at the ring, z is the height of the apex, :math:`\Lambda` the
@@ -57,7 +57,7 @@ class Pressure(FilmActuator):
     damping : float
         Damping constant of the apex, N s/m; a start value for a fit.
     gain : float
-        Film volts per command volt.
+        Gain of the amplifier: film volts per command volt.
     start_ramp, start_hold : float
         Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
     start_is_known : bool
@@ -85,7 +85,7 @@ class Pressure(FilmActuator):
 
     kind: ClassVar[str] = "pressure"
     model_share: ClassVar[float] = 0.005
-    """Rms error by the assumed shape of the film, divided by the standard deviation of the reading."""
+    """Rms error due to the assumed shape of the film, divided by the standard deviation of the reading."""
 
     @property
     def _outside(self) -> tuple[tuple[str, float, str], ...]:

@@ -49,7 +49,7 @@ class Roll(FilmActuator):
     damping : float
         Damping constant of the moving part, N s/m; a start value for a fit.
     gain : float
-        Film volts per command volt.
+        Gain of the amplifier: film volts per command volt.
     start_ramp, start_hold : float
         Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
     start_is_known : bool

@@ -19,7 +19,7 @@ MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the el
 
 @dataclass(frozen=True, kw_only=True)
 class Stack(FilmActuator):
-    r"""Stack of film layers that are loaded in series; the reading is the contraction of the stack by voltage.
+    r"""Stack of film layers that are loaded in series; the reading is the contraction of the stack under voltage.
 
     .. math:: n A\Bigl(H\,\frac{dW}{dh} - \frac{\varepsilon V^2}{2H}\,\frac{d\lambda^4}{dh}\Bigr) = F, \qquad
               \lambda = \sqrt{nH/h}
@@ -47,7 +47,7 @@ class Stack(FilmActuator):
     damping : float
         Damping constant of the moving part, N s/m; a start value for a fit.
     gain : float
-        Film volts per command volt.
+        Gain of the amplifier: film volts per command volt.
     start_ramp, start_hold : float
         Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
     start_is_known : bool
