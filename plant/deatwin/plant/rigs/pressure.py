@@ -32,7 +32,7 @@ class Pressure(FilmActuator):
     .. math:: r = \rho\,\Bigl[\Lambda + (1 - t)\sum_k g_k t^k\Bigr], \qquad
               z(t) = (1 - t)\,\Bigl[z + \sum_{k\ge1} h_k t^k\Bigr] .
 
-    The pressure p does the work :math:`p\int\pi r^2\,dz`. It is constant, as with a pressure regulator, or with a
+    The pressure p does the work :math:`p\int\pi r^2\,dz`. The pressure is constant, as with a regulator, or with a
     chamber that is much larger than the volume under the film. The equations include the inertia of the film in all
     unknowns. A flat film has the first natural frequency of a drum,
     :math:`f_1 = \frac{2.405}{2\pi B}\sqrt{\sigma/\varrho}`, where B is the radius of the ring, :math:`\sigma` the
@@ -62,7 +62,7 @@ class Pressure(FilmActuator):
         Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
     start_is_known : bool
         False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
-        the initial value of each slow state is fitted.
+        the initial values of slow states, such as those of Maxwell branches, are fitted.
     zero_is_known : bool
         False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
     direction : float

@@ -54,7 +54,7 @@ class Roll(FilmActuator):
         Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
     start_is_known : bool
         False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
-        the initial value of each slow state is fitted.
+        the initial values of slow states, such as those of Maxwell branches, are fitted.
     zero_is_known : bool
         False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
     direction : float
