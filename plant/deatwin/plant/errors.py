@@ -8,18 +8,20 @@ from deatwin.plant.safe_read import clipped
 
 
 class DeatwinError(Exception):
-    """Base class of all errors that deatwin raises on purpose; the text is one clear line for the user."""
+    """Base class of all errors that deatwin raises on purpose; the text is one line for the user."""
 
 
 class DataError(DeatwinError, ValueError):
-    """Error in a recording, a data file or a value; the text names file, row and column.
+    """Error in a recording, in a data file, or in an argument of a function that makes or analyses data.
+
+    If the error is in a file, the text names the file and, where possible, the row and the column.
 
     Parameters
     ----------
     text : str
         Message for the user.
     offers : ReadOptions
-        Options with which the file could be read, which the text names too; empty by default.
+        Options of `read_recordings` with which the file could be read; empty by default. The text names them too.
     """
 
     def __init__(self, text: str, offers: ReadOptions = NO_OPTIONS) -> None:
@@ -28,15 +30,15 @@ class DataError(DeatwinError, ValueError):
 
 
 class RigError(DeatwinError, ValueError):
-    """Error in a rig file, or in a rig, an effect or a parameter of a plant."""
+    """Error in a rig, in an effect or in a parameter of a plant, or in the file that describes the plant."""
 
 
 class ModelError(DeatwinError, ValueError):
-    """Error in a model or a model file, or in an argument of a function that makes or analyses models."""
+    """Error in a model or in its file, or in an argument of a function that makes, analyses or exports models."""
 
 
 class SimulationError(DeatwinError, RuntimeError):
-    """Raised if a simulation fails before its end, for example because of pull-in."""
+    """Error if a simulation cannot start, or stops before its end, for example because the film pulls in."""
 
 
 def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:

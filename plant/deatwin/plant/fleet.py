@@ -34,12 +34,12 @@ DURATION = 1100.0  # Length of each of the thesis' recordings, s
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
-    """Fabrication tolerance of a quantity, which is distributed uniformly about its specification.
+    """Fabrication tolerance of a quantity, which is uniformly distributed about its nominal value.
 
     Parameters
     ----------
     share : float
-        Largest relative deviation to either side.
+        Largest deviation from the nominal value, up or down, divided by the nominal value.
     reason : str
         Reason for the size of the tolerance.
     """
@@ -77,7 +77,7 @@ class History:
     Parameters
     ----------
     story : str
-        Sentence that describes what is observed and why.
+        Sentence that describes how the reading changes, and why.
     effects : tuple of Effect
         Effects that cause the changes.
     """
@@ -117,16 +117,16 @@ HISTORIES: tuple[History, ...] = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Actuator:
-    """One of six simulated actuators that were made to the same specification.
+    """One of six simulated actuators with the same nominal plant; see `fleet`.
 
     Parameters
     ----------
     name : str
         ``DEA 1`` to ``DEA 6``.
     plant : Plant
-        Plant as fabricated, with the effects of its history.
+        Plant with the fabricated values, and with the effects that change this actuator during its recording.
     story : str
-        Sentence that describes what happens to the actuator.
+        Sentence that describes how the reading changes, and why.
     seed : tuple of int
         Seed of the excitation and of the sensor noise.
     """
@@ -137,7 +137,10 @@ class Actuator:
     seed: tuple[int, ...]
 
     def excitation(self, duration: float = DURATION) -> Experiment:
-        """Return the thesis' noise of a `duration` in s, drawn for this actuator and this duration."""
+        """Return an experiment with the thesis' noise commands of a `duration` in s, and with readings of zero.
+
+        Each actuator and each duration has its own noise.
+        """
         step = self.plant.rig.sample_time
         commands = band_limited_noise(np.random.default_rng((*self.seed, 1)), duration, step)
         return Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), step),))
@@ -148,9 +151,9 @@ class Actuator:
         Parameters
         ----------
         experiment : Experiment, optional
-            Experiment of which only commands and clock are used; by default `excitation`.
+            Experiment whose commands and clock are used; by default, the result of `excitation`.
         rng : numpy.random.Generator, optional
-            Random generator for the sensor noise; by default one made from the actuator's own seed.
+            Random generator for the sensor noise; by default, a new one from `seed`.
 
         Returns
         -------
@@ -160,19 +163,20 @@ class Actuator:
         Raises
         ------
         SimulationError
-            If the film pulls in.
+            If the simulation fails, for example because the film pulls in.
         """
         own = np.random.default_rng((*self.seed, 2)) if rng is None else rng
         return self.plant.record(self.excitation() if experiment is None else experiment, own)
 
 
 def specification() -> Plant:
-    """Return the nominal plant of the fleet of six simulated actuators, without drift, with drive and sensor of `MeasuringChain`.
+    """Return the nominal plant of the six simulated actuators in `fleet`.
 
     Returns
     -------
     Plant
-        Plant with hysteresis as its only effect.
+        The plant `thesis_plant` without drift, with the drive and the sensor of a `MeasuringChain`. Hysteresis is its
+        only effect.
     """
     nominal, chain = thesis_plant(), MeasuringChain()
     rig = replace(nominal.rig, chain=chain, noise=chain.noise)
@@ -180,12 +184,15 @@ def specification() -> Plant:
 
 
 def fleet(seed: int = 0) -> tuple[Actuator, ...]:
-    """Return six simulated actuators that differ in fabrication and history.
+    """Return six simulated actuators with the same nominal plant but different fabrication and history.
+
+    The dimensions and material values of each actuator are drawn within fabrication tolerances. In addition, each
+    actuator changes during its recording, for example by drift or creep: this is its history.
 
     Parameters
     ----------
     seed : int
-        Seed of fabrication, excitation and sensor noise; the histories are the same for all seeds.
+        Seed of fabrication, excitation and sensor noise. The six histories do not depend on the seed.
 
     Returns
     -------

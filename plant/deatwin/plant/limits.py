@@ -37,13 +37,13 @@ class Event:
     status : RunStatus
         Kind of event.
     time : float
-        Clock time at which the sample's command was applied, s.
+        Time at which the command of this sample was applied, on the experiment's clock, s.
     command : float
-        Command, in the rig's unit.
+        Command of this sample, in the unit of the rig's command.
     film_voltage : float
-        Film voltage, V; NaN if it is not among the rig's watched signals.
+        Voltage across the film, V; NaN if unknown.
     place : str
-        Place in the film; empty if the rig does not give it.
+        Place in the film, such as "electrode, 3.2 mm from the middle"; empty if unknown.
     """
 
     status: RunStatus

@@ -34,28 +34,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plant:
-    """Simulation model of an experiment, from command to reading: a rig with effects.
+    """Simulation model of an experiment, from the command to the reading: a rig with effects.
 
-    A plant is immutable and cheap to make; its equations are compiled when first needed.
+    A plant is immutable. Its equations are compiled when they are first needed.
 
     Parameters
     ----------
     rig : Rig
-        Rig, which gives kinematics, loads and reading.
+        Rig, which defines the kinematics, the loads and the reading.
     effects : tuple of Effect
         Effects in any order; an effect may occur only once.
     values : mapping of str to float
-        Parameter values, SI, that replace those of rig and effects, for example after a calibration.
+        Values of parameters by name, SI. They replace the values in the rig and the effects, for example after a
+        calibration.
     stages : int
-        Number s of stages of the Radau IIA step over a sample, at least 1; its order is 2 s - 1. With five stages, the
-        step reproduces the ringing of a mode at a third of the sampling rate to 0.001 % of its amplitude. Not part of
-        `to_dict`.
+        Number s of stages of the Radau IIA method, at least 1, with one step per sample; the order of the method is
+        2 s - 1. With five stages, the free oscillation of a mode at a third of the sampling rate has an error of
+        0.001 % of its amplitude. Files do not store this number.
 
     Raises
     ------
     RigError
-        If the rig is not a `Rig`, or its sample time, reading, noise or range of commands is unusable; if an effect is
-        not an `Effect` or occurs twice; if a value has an unknown name or is out of range; or if `stages` is less than 1.
+        If the rig is not a `Rig` or has an invalid property; if an effect is not an `Effect` or occurs twice; if a
+        value has an unknown name or is out of range; or if `stages` is not an integer of at least 1.
 
     Examples
     --------
@@ -92,30 +93,30 @@ class Plant:
 
     @cached_property
     def parameters(self) -> ParameterSet:
-        """All parameters with their present values."""
+        """All parameters of the rig and the effects, with their present values."""
         own = [*self.rig.parameters, *(p for e in self.effects for p in e.parameters)]
         return ParameterSet([*own, *self.rig.starts_of(self.effects)]).with_values(self.values)
 
     @property
     def effect_names(self) -> tuple[str, ...]:
-        """Canonical names of the effects."""
+        """Names of the effects, in alphabetical order."""
         return tuple(e.name for e in self.effects)
 
     def lacks(self, effect: Effect) -> bool:
-        """Return True if the plant does not have the given `effect` at any place."""
+        """Return True if the plant does not contain `effect` at any place."""
         return all(own.cause != effect.cause for own in self.effects)
 
     @property
     def event_times(self) -> tuple[str, ...]:
-        """Names of the parameters that are times of events."""
+        """Names of the parameters that are times of events, such as ``sensor_jump.at``."""
         return tuple(f"{e.name}.{e.event}" for e in self.effects if e.event)
 
     def with_effects(self, *effects: Effect) -> Plant:
-        """Return the plant with more `effects`; RigError if one is not an `Effect`, or is in the plant already."""
+        """Return the plant with additional `effects`; RigError if one is not an `Effect` or is already in the plant."""
         return replace(self, effects=(*self.effects, *effects))
 
     def without_effects(self, *names: str) -> Plant:
-        """Return the plant without the effects of these `names`; without any effect if no name is given."""
+        """Return the plant without the effects with these `names`; if no name is given, without all effects."""
         kept = tuple(effect for effect in self.effects if names and effect.name not in names)
         effects = (p for effect in kept for p in effect.parameters)
         own = {p.name for p in (*self.rig.parameters, *effects, *self.rig.starts_of(kept))}
@@ -123,7 +124,7 @@ class Plant:
 
     @taking(values=instance(Mapping, hint=" from names to numbers", error=RigError))
     def with_values(self, values: Mapping[str, float]) -> Plant:
-        """Return the plant with other parameter `values`, SI by name."""
+        """Return the plant with new `values` of some parameters, by name, SI; all others keep their values."""
         return replace(self, values={**self.values, **values})
 
     def with_rig(self, rig: Rig) -> Plant:
@@ -142,16 +143,16 @@ class Plant:
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Names of the watched signals."""
+        """Names of the internal signals that a simulation returns in `Simulation.watched`."""
         return self._structure.equations.signals
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of the inputs besides the command."""
+        """Names of the measured inputs on which the plant depends besides the command, such as ``temperature``."""
         return tuple(self._structure.equations.channels)
 
     def accepts(self, effect: Effect) -> bool:
-        """Return whether `effect` can be added: the rig has the signal on which it acts, and the plant lacks it."""
+        """Return True if `effect` can be added: it is not in the plant, and the rig has the signal that it changes."""
         if effect.name in self.effect_names:
             return False
         try:
@@ -164,7 +165,7 @@ class Plant:
 
     @property
     def runner(self) -> Runner:
-        """Return the function that simulates this plant as a whole."""
+        """Return the object that simulates this plant."""
         return self.rig.runner(self._structure.simulator, self.parameters)
 
     @property
@@ -183,11 +184,11 @@ class Plant:
         return self.parameters.array(self.parameters.free)
 
     def timeline(self, experiment: Experiment) -> Timeline:
-        """Return the commands of an `experiment`, beginning at rest."""
+        """Return the commands of the start procedure and of an `experiment`, one for each sample."""
         return Timeline.of(experiment, self.rig.start, self.rig.sample_time, self.rig.reading)
 
     def given(self, timeline: Timeline, count: int | None = None) -> dict[str, Any]:
-        """Return the arguments of `Runner.run` for `count` samples of a `timeline`, by default all."""
+        """Return the arguments of `Runner.run` for the first `count` samples of a `timeline`; all by default."""
         return {
             "commands": timeline.commands[:count],
             "start": timeline.start,
@@ -198,71 +199,74 @@ class Plant:
         }
 
     def simulate(self, experiment: Experiment | Recording, *, progress: Progress | None = None) -> Simulation:
-        """Simulate in free run from rest through the start procedure and all recordings.
+        """Simulate an experiment as a free run that starts at rest and includes the start procedure.
 
         Parameters
         ----------
         experiment : Experiment or Recording
-            Experiment to simulate; only its commands are used. A single recording starts from rest.
+            Experiment to simulate; its readings are not used. A single recording is an experiment of its own.
         progress : callable, optional
-            Function called with the completed share, 0 to 1.
+            Function that is called with the completed fraction of the simulation, 0 to 1.
 
         Raises
         ------
         DataError
-            If something is not a recording, has another sample time than the plant, several inputs, or its command in
-            another unit.
+            If `experiment` is neither an experiment nor a recording, has a sample time other than the plant's, has
+            several inputs, or has a command in another unit.
         """
         timeline = self.timeline(experiment_for(self.rig, experiment))
         run = self.runner.run(**self.given(timeline), progress=progress)
         return Simulation.of(run, timeline, self.signals, self.rig.input_unit)
 
     def model_error(self, recording: Recording | Experiment) -> Discrepancy:
-        """Return the error that remains when this plant is calibrated to finer equations of its rig.
+        """Return the error that remains after this plant is calibrated to a plant with finer equations of its rig.
 
-        Both plants get the commands of a recording. The result is cached on disk.
+        The plant with finer equations is simulated with the commands of a recording. The result is cached on disk.
 
         Parameters
         ----------
         recording : Recording or Experiment
-            Recording of which only the commands are used; a single recording starts from rest.
+            Recording whose commands are used. A single recording is an experiment of its own, which starts at rest.
 
         Returns
         -------
         Discrepancy
-            Rms error, and a band over the command. If the rig has no finer equations, it is the model error that it
-            states.
+            Error of the calibrated plant. If the rig has no finer equations, the error is `Rig.model_error` at all
+            commands.
 
         Raises
         ------
         SimulationError
-            If a plant does not reach the end, for example because of pull-in, or the finer film loses tension.
+            If one of the two simulations stops early, for example because of pull-in, or if the film with finer
+            equations loses tension.
         """
         from deatwin.plant.model_error import discrepancy  # loaded only when needed
 
         return discrepancy(self.with_rig(replace(self.rig, further=())), experiment_for(self.rig, recording))
 
     def record(self, experiment: Experiment | Recording, rng: np.random.Generator) -> Experiment:
-        """Simulate recordings with the rig's measuring chain, or with its sensor noise if it has no chain.
+        """Simulate an experiment and add the noise of the sensors.
+
+        If the rig has a `Rig.chain`, the commands and the first reading pass through this chain, which adds the noise.
 
         Parameters
         ----------
         experiment : Experiment or Recording
-            Experiment of which only commands and clock are used. A single recording starts from rest.
+            Experiment whose commands and clock are used. A single recording is an experiment of its own.
         rng : numpy.random.Generator
             Random generator for the noise.
 
         Returns
         -------
         Experiment
-            Experiment with readings, SI.
+            Experiment with the same commands and with simulated readings, SI.
 
         Raises
         ------
         DataError
             Same as for `simulate`.
         SimulationError
-            If the plant pulls in.
+            If the simulation fails, for example because the film pulls in.
         """
         require_generator(rng)
         rig, given = self.rig, (experiment := experiment_for(self.rig, experiment))

@@ -45,21 +45,24 @@ class Refinable(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discrepancy:
-    """Error that remains after a plant is calibrated to the simulated readings of a finer plant.
+    """Error that remains after a plant is calibrated to the simulated readings of a plant with finer equations.
+
+    The error is the reading of the plant with finer equations minus the reading of the calibrated plant.
 
     Parameters
     ----------
     rms : float
-        Root mean square error over all readings, SI.
+        Rms error over all readings, SI.
     motion : float
-        Standard deviation of the readings, SI.
+        Standard deviation of the readings of the plant with finer equations, SI; NaN if there is no such plant.
     before : float
         Rms error before the calibration, SI.
     commands : ndarray, shape (n,)
-        Centres of equal intervals of the command, in the rig's unit.
-    mean, deviation : ndarray, shape (n,)
-        Mean and rms of the finer plant's readings minus the calibrated plant's, in each interval of the command, SI;
-        NaN in intervals never visited.
+        Centres of n equal intervals of the command, in the unit of the command.
+    mean : ndarray, shape (n,)
+        Mean error in each interval of the command, SI; NaN in an interval without readings.
+    deviation : ndarray, shape (n,)
+        Rms error in each interval of the command, SI; NaN in an interval without readings.
     """
 
     rms: float
@@ -71,24 +74,24 @@ class Discrepancy:
 
     @property
     def share(self) -> float:
-        """Rms error as a share of the motion."""
+        """`rms` divided by `motion`."""
         return self.rms / self.motion if self.motion > 0 else 0.0
 
     def at(self, commands: np.ndarray) -> np.ndarray:
-        """Return rms errors (m,), SI, at `commands` (m,): linear between intervals' centres, constant beyond them."""
+        """Return the rms errors at `commands`, shape (m,), SI, interpolated linearly between the intervals' centres."""
         seen = np.isfinite(self.deviation)
         return np.interp(commands, self.commands[seen], self.deviation[seen])
 
     @classmethod
     def between(cls, fine: np.ndarray, coarse: np.ndarray, commands: np.ndarray, before: float) -> Self:
-        """Return the discrepancy of two sets of readings.
+        """Make the discrepancy from the readings of two plants.
 
         Parameters
         ----------
         fine, coarse : ndarray, shape (n,)
-            Readings of the fine and of the coarse plant, SI.
+            Readings of the plant with finer equations, and of the calibrated plant, SI.
         commands : ndarray, shape (n,)
-            Commands of the readings, in the rig's unit.
+            Commands at which the readings were taken, in the unit of the command.
         before : float
             Rms error before the calibration, SI.
         """

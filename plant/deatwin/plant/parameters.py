@@ -16,7 +16,11 @@ BEYOND = 1.01  # Ratio of a value just beyond the end of a range to that end
 
 
 class Scale(Enum):
-    """Transformation of a parameter in a fit: value, logarithm or reciprocal, so that the response is nearly linear."""
+    """Transformation of a parameter in a fit: none, logarithm or reciprocal.
+
+    A fit varies the transformed value, which is called the coordinate. The readings should depend on the coordinate
+    nearly linearly.
+    """
 
     LINEAR = "value"
     LOGARITHMIC = "ln(value)"
@@ -43,33 +47,33 @@ class Scale(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """Physical quantity of a plant with its range, source and scale.
+    """Physical quantity of a plant, with its value, range and source.
 
     Parameters
     ----------
     name : str
-        Name, unique in its plant; a parameter of an effect is called ``effect.name``.
+        Name, unique in a plant. In a plant, a parameter of an effect is called ``effect.name``.
     value : float
-        SI value.
+        Value, SI.
     unit : str
-        SI unit, ``"1"`` for a pure number.
+        SI unit; ``"1"`` for a pure number.
     lower, upper : float
-        Physical range, inclusive, SI.
+        Smallest and largest possible value, SI; with `widest`, smallest and largest usual value.
     source : str
-        Source of the value.
+        Source of the value, such as a publication.
     scale : Scale
         Transformation of the value in a fit; logarithm and reciprocal require ``lower > 0``.
     known : bool
-        True if the experimenter measured the value, so that a calibration keeps it.
+        True if the experimenter measured the value; a calibration does not change it.
     widest : float, optional
-        Largest magnitude that physics allows, SI, if `lower` and `upper` enclose only usual values. A value beyond
-        `upper`, or beyond a negative `lower`, then widens the range by a factor of four, repeatedly if necessary.
+        Largest magnitude that physics allows, SI. If a value exceeds `upper`, then `upper` is multiplied by four until
+        it includes the value, but not beyond `widest`. A negative `lower` is extended in the same way.
 
     Raises
     ------
     RigError
-        If a field has the wrong type, the range is empty, or the value lies outside the range, as widened according to
-        `widest`.
+        If a field has the wrong type, or if the value lies outside the range after the range is extended as far as
+        `widest` allows.
     """
 
     name: str
@@ -109,7 +113,7 @@ class Parameter:
 
     @property
     def beyond(self) -> float | None:
-        """Value just beyond the nearest end of the range, SI; None if this end is a physical limit."""
+        """Value just beyond the nearer end of the range, SI; None if this end cannot be extended."""
         end = self.lower if self.is_low else self.upper
         open_end = self.widest is not None and 0.0 < abs(end) < self.widest and (end < 0.0 or not self.is_low)
         return BEYOND * end if open_end else None
@@ -174,15 +178,15 @@ class ParameterSet(Mapping[str, Parameter]):
 
     @property
     def free(self) -> tuple[str, ...]:
-        """Names of the parameters that a calibration may move, in order."""
+        """Names of the parameters that a calibration changes, in order: those that are not `Parameter.known`."""
         return tuple(p.name for p in self.values() if not p.known)
 
     def array(self, names: Iterable[str] | None = None) -> np.ndarray:
-        """Return the SI values of some `names`, or of all parameters, in order."""
+        """Return the values of the parameters with these `names`, SI, in this order; by default of all parameters."""
         return np.array([self[name].value for name in (self if names is None else names)], dtype=float)
 
     def with_values(self, values: Mapping[str, float]) -> ParameterSet:
-        """Return the set with new SI `values` by name; RigError if a name is unknown or a value is impossible."""
+        """Return the set with new `values` by name, SI; RigError if a name is unknown or a value is out of range."""
         numbers = {}
         for name, value in values.items():
             self[name]

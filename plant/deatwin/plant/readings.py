@@ -21,30 +21,32 @@ ROWS = 3  # Number of rows of equations per further reading: level, stored quant
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One reading of a rig: its name, its unit, and its accuracy.
+    """One reading of a rig: the measured signal, its unit, and the accuracy of the measurement.
 
     Parameters
     ----------
     name : str
-        Name of the signal that is read. Rigs with a film offer ``current``, ``capacitance`` and ``film_voltage``; any
-        rig offers the signals that it watches.
+        Name of the measured signal: ``current``, ``capacitance`` or ``film_voltage`` for a rig with a film, or one of
+        the signals in `Plant.signals`.
     unit : str
-        SI unit; by default that of a film's electrical readings, otherwise unknown.
+        SI unit. By default, ``current`` is in A, ``capacitance`` in F and ``film_voltage`` in V; the unit of other
+        signals is unknown.
     noise : float
         Standard deviation of the sensor noise, in `unit`, above 0.
     model_error : float
         Rms error of the rig's equations in this reading, in `unit`.
     series_resistance : float
-        Known resistance between the drive and the film, ohm. Only the reading ``current`` of a plant with `Leakage`
-        depends on it: the leakage current is the voltage drop divided by this resistance.
+        Known resistance between the drive and the film, ohm. It matters only for the reading ``current`` of a plant
+        with the effect `Leakage`: the leakage current is the voltage drop across the resistance divided by the
+        resistance.
     column : str
-        Column of a file that holds the reading, with or without a unit as in ``"I_mon=nA"``; by default the column with
-        the name of the reading, if the file has such a column.
+        Header of the file column that holds the reading. A unit may follow an equals sign: ``"I_mon=nA"``. By default,
+        the column with the name of the reading, if the file has one.
 
     Raises
     ------
     RigError
-        If a number is out of range, or the name is not a string.
+        If a number is out of range, or a text is not a string.
     """
 
     name: str

@@ -21,35 +21,37 @@ _CLOCK_TOLERANCE = 0.1
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Recording:
-    """Evenly sampled record of inputs and outputs in SI units.
+    """Evenly sampled inputs and outputs of a system, in SI units.
 
     Parameters
     ----------
     inputs : (n_inputs, n) array
-        Inputs in the units `input_units`; the command of a rig is in V.
+        Inputs, in the units `input_units`; by default a command in V.
     outputs : (n_outputs, n) array
-        Outputs in the units `output_units`; a displacement is in m. The array has no rows if only commands are known.
+        Outputs, in the units `output_units`; by default a displacement in m. A recording of commands alone has no rows
+        here.
     sample_time : float
         Time between two samples, s.
     start : float
         Time of the first sample on the clock of the experiment, s.
     input_names, output_names : tuple of str
-        Name of each input and output.
+        Name of each input and of each output.
     input_units, output_units : tuple of str
-        SI unit of each input and output; empty if unknown.
+        SI unit of each input and of each output; empty if unknown.
     extras : mapping of str to (n,) array
-        Further channels in SI units, for example ``temperature`` in K or ``current`` in A; NaN where a value is missing.
+        Further channels by name, in SI units, for example ``temperature`` in K; NaN marks a missing value.
     extra_units : mapping of str to str
-        SI unit of each further channel; by default that of its usual name, else empty.
+        SI unit of each further channel, by name. By default, channels with a name that deatwin knows, such as
+        ``temperature``, have the usual SI unit, and others have none.
     provenance : mapping of str to str
-        Origin of the samples: file, sha256 and the like.
+        Origin of the samples, for example the name of the file under ``file``.
 
     Raises
     ------
     DataError
-        If shapes, names and units do not fit together, names or units are not texts, two inputs or two outputs have the
-        same name, a value is not a real number or not finite (in an extra channel: is infinite), or the sample time is
-        not positive.
+        If an array has the wrong shape; if the number of names or of units differs from the number of rows; if a name
+        or a unit is not text; if two inputs or two outputs have the same name; if an input or an output is not finite,
+        or a further channel is infinite; or if the sample time is not positive.
     """
 
     inputs: NDArray[np.float64]
@@ -122,21 +124,22 @@ class Recording:
         extra_units: Mapping[str, str] | None = None,
         provenance: Mapping[str, str] | None = None,
     ) -> Self:
-        """Make a recording from arrays, columns of a data frame or lists; a one-dimensional array becomes one row.
+        """Make a recording from arrays, lists or columns of a data frame.
 
         Parameters
         ----------
         inputs, outputs : (n,) or (rows, n) array_like
-            Samples in SI units, one row for each signal: give the transpose of a table that has a column for each
-            signal. By default a single input is a command in V, and a single output a displacement in m.
+            Samples in SI units, with one row for each signal; a one-dimensional array is one signal.
         sample_time : float
             Time between two samples, s.
         start : float
             Time of the first sample, s.
         input_names, output_names : sequence of str, optional
-            Name of each row.
+            Name of each row. By default, a single input is called ``command`` and a single output ``displacement``;
+            several inputs are called ``input_1``, ``input_2`` and so on, and several outputs ``output_1`` and so on.
         input_units, output_units : sequence of str, optional
-            SI unit of each row; unknown ("") if names are given without units.
+            SI unit of each row. By default, a single signal without a given name is in V (input) or m (output); all
+            other units are unknown (``""``).
         extras : mapping of str to (n,) array_like, optional
             Further channels in SI units.
         extra_units : mapping of str to str, optional
@@ -147,8 +150,8 @@ class Recording:
         Raises
         ------
         DataError
-            Same as for the class, or if there are more rows than samples, as in a table with a column for each signal, or
-            if `inputs` and `outputs` are columns of data frames with different indexes.
+            Same as for the class; if there are more rows than samples, which means that rows and columns are
+            interchanged; or if `inputs` and `outputs` are columns of data frames with different indexes.
 
         Examples
         --------
@@ -180,12 +183,12 @@ class Recording:
 
     @property
     def timepts(self) -> NDArray[np.float64]:
-        """Times of the samples on the clock, shape (n,), s."""
+        """Times of the samples on the clock of the experiment, shape (n,), s."""
         return self.start + self.sample_time * np.arange(self.n_samples, dtype=np.float64)
 
     @property
     def duration(self) -> float:
-        """Duration of the record, s, including the last sample."""
+        """Duration of the recording, s: the number of samples times the sample time."""
         return self.n_samples * self.sample_time
 
     @property
@@ -194,7 +197,10 @@ class Recording:
         return self.start + self.duration
 
     def reading(self, name: str) -> NDArray[np.float64]:
-        """Return the output or extra channel `name`, the first output if empty, SI, shape (n,); NaN if not measured."""
+        """Return the output or further channel called `name`, shape (n,), SI; all NaN if the recording lacks it.
+
+        If `name` is empty, return the first output.
+        """
         if not name:
             return np.asarray(self.outputs[0])
         if name in self.output_names:
@@ -202,7 +208,7 @@ class Recording:
         return self.extras.get(name, np.full(self.n_samples, np.nan))
 
     def section(self, first: int, last: int) -> Self:
-        """Return the samples `first` to `last` - 1, on the same clock; DataError if there are none or not all exist."""
+        """Return the samples `first` to `last` - 1, on the same clock; DataError unless 0 <= first < last <= n."""
         whole = all(isinstance(end, int | np.integer) for end in (first, last))
         if not whole or not 0 <= first < last <= self.n_samples:
             raise DataError(
@@ -217,7 +223,7 @@ class Recording:
         )
 
     def to_pandas(self) -> Any:
-        """Return the recording as a `pandas.DataFrame` over the time in s."""
+        """Return the recording as a `pandas.DataFrame` with the time in s as index."""
         from deatwin.plant.files.formats.description import KEY, describe, header_with_unit, rows_of, signals_of
 
         pandas = require("pandas", "a data frame")
@@ -230,7 +236,7 @@ class Recording:
         return frame
 
     def to_xarray(self) -> Any:
-        """Return the recording as an `xarray.Dataset`, which is also its form in NetCDF files."""
+        """Return the recording as an `xarray.Dataset` over the time in s, as in a NetCDF file."""
         from deatwin.plant.files.formats.description import (
             KEY,
             describe,
@@ -253,7 +259,7 @@ class Recording:
         )
 
     def to_input_output_data(self) -> Any:
-        """Return the recording as `nonlinear_benchmarks.Input_output_data`, inputs and outputs only."""
+        """Return the inputs and outputs as `nonlinear_benchmarks.Input_output_data`."""
         benchmarks = require("nonlinear_benchmarks", "Input_output_data")
         u, y = (rows[0] if len(rows) == 1 else rows.T for rows in (self.inputs, self.outputs))
         return benchmarks.Input_output_data(u=u, y=y, sampling_time=self.sample_time, name=label(self))
@@ -274,7 +280,7 @@ class Recording:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Experiment:
-    """Recordings on one clock, sorted by start time.
+    """One or more recordings of one rig on a common clock, sorted by start time.
 
     Parameters
     ----------
@@ -284,8 +290,8 @@ class Experiment:
     Raises
     ------
     DataError
-        If there is no recording, something is not a recording, two recordings overlap, or recordings differ in sample
-        time or signals.
+        If there is no recording; if an entry is not a recording; if two recordings overlap in time; or if recordings
+        differ in their sample times or in the names or units of their signals.
     """
 
     recordings: tuple[Recording, ...]
@@ -321,7 +327,7 @@ class Experiment:
 
     @property
     def n_samples(self) -> int:
-        """Number of samples of all recordings."""
+        """Total number of samples of all recordings."""
         return sum(recording.n_samples for recording in self.recordings)
 
 

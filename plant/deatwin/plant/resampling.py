@@ -197,11 +197,12 @@ def resample(
     timepts: ArrayLike | None = None,
     reading: ReadingTime = ReadingTime.END_OF_HOLD,
 ) -> Recording:
-    """Resample a recording to an even clock, from another sample time or from uneven times.
+    """Convert a recording to a new sample time, or from uneven to even times.
 
-    Readings and extras are interpolated linearly. Commands are held: a new command is the level in the middle of its
-    sample if the commands form a staircase, and otherwise the mean over its sample. For a longer sample time use
-    `deatwin.ident.narx.preprocess.decimate`, which filters first.
+    Outputs and further channels are interpolated linearly. Each command is held until the time of the next command. If
+    the commands form a staircase, a new command is the command in the middle of the new sample; otherwise it is the
+    mean command over the new sample. If the new sample time is longer than the old one, the signals are then low-pass
+    filtered and decimated, as in `deatwin.ident.narx.preprocess.decimate`.
 
     Parameters
     ----------
@@ -212,18 +213,19 @@ def resample(
     timepts : (n,) array_like, optional
         True times of the samples, s; by default, the times on the recording's clock.
     reading : ReadingTime
-        Time within a sample at which the reading is taken; relevant if the new sample time is longer.
+        Time within a sample at which the reading is taken; used if the new sample time is longer than the old one.
 
     Returns
     -------
     Recording
-        Recording that starts at the time of the first sample; its provenance states how it was resampled.
+        Resampled recording; its provenance states how it was resampled.
 
     Raises
     ------
     DataError
-        If there is not one time per sample, the times do not increase, a gap between them is longer than five usual
-        steps, or the record is too short.
+        If there is not one time for each sample; if the times do not increase; if a step between two times exceeds both
+        five times the median step and 1.1 new sample times; if the new sample time is shorter than a tenth of the
+        median step; or if the recording is too short.
 
     Examples
     --------

@@ -25,22 +25,22 @@ class Simulation(Brief):
     Parameters
     ----------
     status : RunStatus
-        How the simulation ended. If it ran to the end but an event occurred, the status names the first event.
-    outputs : tuple of ndarray, each of shape (readings, n)
-        Noise-free readings of each recording, SI, in the order of `Rig.readings`; NaN after a failure.
+        How the simulation ended. If it reached its end and events occurred, the status is that of the first event.
+    outputs : tuple of ndarray, each of shape (n_readings, n)
+        Noise-free readings of each recording, SI, with one row for each of `Rig.readings`; NaN after a failure.
     watched : tuple of mapping of str to ndarray, each of shape (n,)
-        Watched signals of the plant along each recording, SI.
+        Internal signals of the plant in each recording, by name, SI.
     failed_at : float or None
-        Clock time of the failure, s; None without failure.
+        Time at which the simulation failed, on the experiment's clock, s; None without a failure.
     failed_command : float or None
-        Command at that time, in `command_unit`.
+        Command at which the simulation failed, in `command_unit`; None without a failure.
     command_unit : str
         Unit of the command.
     events : tuple of Event
-        Events of the film in order of time, including the start procedure: loss of tension, breakdown, snap to another
-        equilibrium, pull-in.
+        Events of the film, such as loss of tension, breakdown or pull-in, in order of time. They include events during
+        the start procedure.
     advice : str
-        Text of the status; for a plant without a state of rest, the equation at fault.
+        Message for the user about `status`. For a plant without a state of rest, it names the equation at fault.
     """
 
     status: RunStatus
@@ -59,11 +59,11 @@ class Simulation(Brief):
         Parameters
         ----------
         run : Run
-            Result of the run, with or without watched signals.
+            Result of the run, with or without internal signals.
         timeline : Timeline
             Timeline that was simulated.
         names : sequence of str
-            Names of the watched signals.
+            Names of the internal signals.
         unit : str
             Unit of the command.
         """
@@ -89,15 +89,15 @@ class Simulation(Brief):
 
     @property
     def sound_until(self) -> float:
-        """Clock time after which readings are unreliable, s; infinite if all are reliable.
+        """Clock time after which the simulated readings are unreliable, s; infinite if all are reliable.
 
-        A film that snaps to another equilibrium moves correctly and counts as reliable.
+        A snap to another equilibrium does not make the readings unreliable.
         """
         unsound = (event.time for event in self.events if event.status is not RunStatus.SNAP_THROUGH)
         return min(unsound, default=np.inf)
 
     def to_xarray(self, experiment: Experiment) -> Any:
-        """Return commands, readings and watched signals as an `xarray.Dataset` over all samples.
+        """Return commands, readings and internal signals as an `xarray.Dataset` over all samples.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class Simulation(Brief):
         Returns
         -------
         xarray.Dataset
-            Dataset along ``sample`` with the coordinates ``time`` in s and ``record``; watched signals in SI.
+            Dataset with the dimension ``sample`` and the coordinates ``time`` in s and ``record``.
         """
         records = experiment.recordings
         first, signals = (

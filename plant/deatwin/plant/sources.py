@@ -39,14 +39,19 @@ def load_plant(source: str | os.PathLike[str] | RigFile | ModelFile) -> Calibrat
     Parameters
     ----------
     source : str, path, RigFile or ModelFile
-        A rig file or a model file (``.toml``), as a path or already read; the FMU (``.fmu``) that a model file in the
-        same folder describes; a ``model.json``; or ``module:function``, a function that returns a Plant, whose module
-        is also searched for in the working folder.
+        One of these:
+
+        - path of a rig file or of a model file (``.toml``), or the content of a rig file from `read_rig`;
+        - path of an FMU (``.fmu``), beside which there is a model file of the same name;
+        - path of a ``model.json``;
+        - ``module:function``, the name of a function without arguments that returns a `Plant`. The module may be in the
+          working folder.
 
     Returns
     -------
     CalibratedPlant
-        Plant that the source describes. Its parameters count as exact unless the source is a calibrated model.
+        Plant that the source describes. Its parameters have no uncertainty unless the source is a ``model.json`` with a
+        calibrated plant.
 
     Raises
     ------

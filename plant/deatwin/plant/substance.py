@@ -21,7 +21,7 @@ Symbol = Any
 
 @dataclass(frozen=True, kw_only=True)
 class Branch:
-    """Maxwell branch in parallel with the equilibrium network: a neo-Hookean spring in series with a dashpot.
+    """Maxwell branch in parallel with the elastic film: a neo-Hookean spring in series with a dashpot.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Branch:
     modulus : Parameter
         Shear modulus of the spring, Pa.
     time : Parameter
-        Relaxation time, s.
+        Relaxation time, s: viscosity of the dashpot divided by `modulus`.
     """
 
     name: str
@@ -40,32 +40,33 @@ class Branch:
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """Film material: an energy function and starting values with their ranges.
+    """Film material: elastic energy, Maxwell branches, permittivity, breakdown field and density.
 
     Parameters
     ----------
     name : str
-        Name in a rig file.
+        Name of the material, as in a rig file.
     energy : callable
-        Function ``energy(stretch_1, stretch_2, *elastic_parameters)``, J/m³: one of `deatwin.plant.laws`, a
-        `deatwin.plant.laws.Formula`, or a function of your own in CasADi. A saved file holds only the name of your own
-        function, so a program must import the function's module before it reads the file.
+        Function ``energy(stretch_1, stretch_2, *elastic_parameters)`` that returns the elastic energy per reference
+        volume, J/m³: one of `deatwin.plant.laws`, a `deatwin.plant.laws.Formula`, or a function of your own in CasADi.
+        A saved file contains only the name of your own function. Import the module of the function before you read such
+        a file.
     elastic : tuple of Parameter
-        Parameters of `energy`: in any order if they have the names of its arguments, otherwise in the order of its
-        arguments.
+        Elastic parameters of `energy`: in any order if they have the names of the function's arguments, otherwise in
+        the order of the arguments.
     branches : tuple of Branch
         Maxwell branches; empty for a purely elastic material.
     permittivity : Parameter
-        Relative permittivity of the stretched film.
+        Relative permittivity of the film at its prestretch.
     breakdown : BreakdownLaw, or None
-        Field that the film withstands; None if it is unknown, in which case no breakdown is detected.
+        Law of the breakdown field; None if it is unknown, in which case no breakdown is detected.
     density : float
-        Density, kg/m³, for rigs in which the film's own inertia matters.
+        Density, kg/m³. It matters in rigs with a film that has inertia.
 
     Raises
     ------
     RigError
-        If the energy cannot be called; or if it is a formula, and the parameters do not have the names in the formula.
+        If `energy` is not callable, or if it is a `Formula` whose parameters have other names than `elastic`.
     """
 
     name: str
@@ -90,13 +91,13 @@ class Material:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """All parameters of the material: elastic ones, those of the branches, permittivity."""
+        """All parameters of the material: those of the energy, those of the branches, and the permittivity."""
         of_branches = (parameter for branch in self.branches for parameter in (branch.modulus, branch.time))
         return (*self.elastic, *of_branches, self.permittivity)
 
     @property
     def shear_modulus(self) -> float:
-        """Shear modulus at small strain when all branches are relaxed, Pa; a third of the elastic modulus."""
+        """Shear modulus at small strain after all branches have relaxed, Pa; a third of the elastic modulus."""
         return float(shear_modulus(self.energy, *(parameter.value for parameter in self.elastic)))
 
     def to_dict(self) -> dict[str, Any]:

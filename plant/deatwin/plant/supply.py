@@ -33,28 +33,31 @@ class Supply:
     .. math:: \frac{d}{dt}\bigl[(C(q) + C_p)V\bigr] = I(V_a - V) - \frac{V}{R_b}, \qquad
               I(x) = \frac{x}{R}\Bigl(1 + \Bigl|\frac{x}{R\,I_\pm}\Bigr|^8\Bigr)^{-1/8}
 
-    C(q) is the film's capacitance in the shape q, V the film's voltage and :math:`V_a` the voltage of the source
-    without load. The source acts through a resistance R. The current that charges the film in the commanded polarity
-    stays below :math:`I_+`, and the current that discharges it stays below :math:`I_-`.
+    C(q) is the capacitance of the film, which depends on the film's shape q, and V is the voltage across the film.
+    :math:`V_a` is the voltage of the source without load. I is the current that the source supplies through the
+    resistance R. While this current charges the film in the polarity of :math:`V_a`, it is limited to :math:`I_+`;
+    while it discharges the film, it is limited to :math:`I_-`.
 
     Parameters
     ----------
     current_limit : float, optional
-        :math:`I_+`, A; None if it is never reached.
+        :math:`I_+`, the largest charging current, A; None for no limit.
     sink_current : float, optional
-        :math:`I_-`, A: 0 for a converter that cannot sink current, so that the film discharges through
-        `bleed_resistance` alone. None if it equals `current_limit`.
+        :math:`I_-`, the largest discharging current, A; None for the value of `current_limit`. It is 0 for a converter
+        that cannot sink current: the film then discharges only through `bleed_resistance`.
     series_resistance : float
-        R, ohm. The default has no noticeable influence on a film of a few nanofarads.
+        R, the resistance in series with the source, ohm. The default has no noticeable influence on a film of a few
+        nanofarads.
     bleed_resistance : float, optional
-        :math:`R_b` across the film, ohm: a probe, a divider, a bleeder; None if there is none.
+        :math:`R_b`, the resistance in parallel with the film, such as a probe or a voltage divider, ohm; None for no
+        such resistance.
     parallel_capacitance : float
-        :math:`C_p` across the film, F: cables, a probe, the converter's output filter.
+        :math:`C_p`, the capacitance in parallel with the film, such as that of cables, F.
 
     Raises
     ------
     RigError
-        If a value is physically impossible.
+        If a given value is not a number above 0; `sink_current` and `parallel_capacitance` may also be 0.
     """
 
     current_limit: float | None = None
@@ -71,20 +74,21 @@ class Supply:
                 require_number(f"{field.name} of the supply", value, least=0.0 if from_zero else None)
 
     def voltage(self, wanted: Symbol, film: AnyFilm, build: Builder) -> Symbol:
-        """Return the voltage across the film, V.
+        """Return the voltage across the film, and add the equations of the circuit to a builder.
 
         Parameters
         ----------
         wanted : casadi.SX
-            Voltage that the source would give without a load, V.
+            :math:`V_a`, the voltage of the source without load, V.
         film : AnyFilm
             Film that the source charges.
         build : Builder
-            Builder that gets a state and a coordinate.
+            Builder to which the equations are added.
 
         Returns
         -------
         casadi.SX
+            V, the voltage across the film, V.
         """
         # Constants, so that films on sources of other sizes share their compiled equations.
         beside = build.constant("parallel_capacitance", self.parallel_capacitance)

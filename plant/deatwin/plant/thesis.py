@@ -11,11 +11,11 @@ from deatwin.plant.rigs.diaphragm import Diaphragm
 def thesis_plant() -> Plant:
     """Return the actuator of W. R. Jacobs' thesis: prestretched diaphragm with permittivity drift and hysteresis.
 
-    The 80 mm frame, 35 mm electrode, 3 g ball, gain of 800 and sampling rate of 50 Hz are from the thesis; the
-    prestretch of "350 %" in the thesis is taken as a stretch of 3.5. The thesis does not state the contact between film
-    and ball. Here the film slides on the ball; for this contact, the model with four coordinates agrees within 2 % with
-    a finite-element membrane up to 3 kV, the largest voltage. With the chosen material values the membrane gives the
-    reported stroke: about a millimetre at 3 kV, nearly linear below a command of 2.5 V.
+    The 80 mm frame, the 35 mm electrode, the 3 g ball, the gain of 800 and the sampling rate of 50 Hz are from the
+    thesis. The prestretch of "350 %" in the thesis is taken as a stretch of 3.5. The thesis does not state the contact
+    between film and ball; here the film slides on the ball. The material values were chosen so that the simulation
+    gives the reported displacement: about a millimetre at 3 kV, and nearly linear in the command below 2.5 V. Up to
+    3 kV, the displacement agrees within 2 % with that of a finite-element membrane.
 
     References
     ----------

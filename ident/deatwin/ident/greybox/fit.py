@@ -54,27 +54,28 @@ class Calibration(Described):
     names : tuple of str
         Names of the fitted parameters.
     covariance : ndarray, shape (n, n)
-        Covariance of the fitted parameters, each transformed by its `Scale` (value, logarithm or reciprocal, SI).
+        Covariance of the n fitted parameters. Each parameter is transformed by its `Scale`: to its value, its logarithm
+        or its reciprocal, SI.
     residuals : ndarray, shape (m,)
-        Measured minus simulated readings at the samples used, SI. The residuals of further readings follow those of the
-        first reading; they are scaled to the noise level of the first reading.
+        Measured minus simulated readings at the m fitted samples, SI. If the rig has several readings, the residuals of
+        the first reading come first; those of the others are scaled so that their noise is equally large.
     jacobian : ndarray, shape (m, n)
-        Derivative of the simulated readings with respect to these transformed parameters, SI.
+        Derivative of the simulated readings with respect to the transformed parameters, SI.
     status : FitStatus
         Outcome of the fit.
     at_bound : tuple of str
-        Names of parameters that ended on a bound of their range.
+        Names of the parameters that ended on a bound of their range.
     evaluations : int
-        Number of simulations, over all starts.
+        Number of simulations, summed over all starts.
     starts : int
-        Number of points from which fits began.
+        Number of starting points.
     agreed : int
-        Number of starts that ended with the same smallest error.
+        Number of starts that ended with the smallest error.
     equals : tuple of tuple of float
-        Other values of the fitted parameters, in the order of `names`, SI, at which fits ended with the same error.
+        Other values of the parameters at which fits ended with the smallest error, in the order of `names`, SI.
     reach : tuple of tuple of float
-        Range of each fitted parameter, SI, within the joint 95 % limit of the squared residual, found by refits. Empty
-        if the residual rises as the covariance predicts.
+        Lower and upper end of the joint 95 % confidence region for each parameter, SI, found by refits. Empty if the
+        squared residual rises as the covariance predicts.
     fault : str
         Reason why the plant cannot be simulated at its starting values; empty if it can.
     """
@@ -135,16 +136,17 @@ class Calibration(Described):
 
     @property
     def within_reach(self) -> float:
-        """Rms residual, SI; for a fit that stopped before its minimum, the value of its linear model at the minimum."""
+        """Rms residual, SI. If the fit stopped before its minimum, the value that its linearisation predicts there."""
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
     def with_stages(self, count: int) -> Calibration:
-        """Return the same calibration, whose plant is simulated with `count` stages from now on (`Plant.stages`)."""
+        """Return the same calibration with a plant that is simulated with `count` stages (`Plant.stages`)."""
         return replace(self, plant=replace(self.plant, stages=count))
 
     @cached_property
     def foreseen(self) -> float:
-        """Rms residual, SI, at the minimum: for a fit that stopped near it, that of its linear model within the bounds."""
+        """Rms residual, SI. If the fit stopped near its minimum, the value that its linearisation predicts within the
+        bounds."""
         if self.status is not FitStatus.STOPPED:
             return self.rms
         problem = Problem(plant=self.plant, parts=(), names=self.names)
@@ -155,15 +157,15 @@ class Calibration(Described):
 
     @property
     def movable(self) -> np.ndarray:
-        """Jacobian with respect to the k parameters that are not on a bound, shape (m, k), SI."""
+        """Columns of ``jacobian`` for the k parameters that are not on a bound, shape (m, k), SI."""
         return self.jacobian[:, [k for k, name in enumerate(self.names) if name not in self.at_bound]]
 
     @cached_property
     def undetermined(self) -> frozenset[str]:
-        """Parameters that the readings do not determine, by themselves or because others have the same effect.
+        """Names of the parameters that the readings do not determine.
 
-        A parameter counts as undetermined if moving it through its range changes the readings far less than moving the
-        median parameter does.
+        Such a parameter either hardly changes the readings over its whole range, or other parameters can compensate for
+        its change.
         """
         widths = np.ptp(np.reshape([p.ends for p in _fitted(self)], (-1, 2)), axis=1)
         changes = self.jacobian * np.where(np.isfinite(widths), widths, 1.0)
@@ -178,18 +180,18 @@ class Calibration(Described):
 
     @property
     def given_up(self) -> bool:
-        """True if the fit stopped short of its minimum because it could not compete with a better fit."""
+        """True if the fit was abandoned because even its minimum would leave too large an error (`hopeless`)."""
         return self.status is FitStatus.GIVEN_UP
 
     def interval(self, name: str, deviations: float = TWO_SIDED_95) -> tuple[float, float]:
-        """Confidence interval of a parameter, inside its physical range.
+        """Return the confidence interval of a parameter, limited to its physical range.
 
         Parameters
         ----------
         name : str
             Name of a fitted parameter.
         deviations : float
-            Half width in standard deviations of the transformed parameter (`Scale`); by default that of a 95 %
+            Half width in standard deviations of the transformed parameter (`Scale`); by default 1.96, for a 95 %
             interval.
 
         Returns
@@ -218,7 +220,7 @@ class Calibration(Described):
         return (min(low, self.reach[k][0]), max(high, self.reach[k][1])) if self.reach else (low, high)
 
     def is_determined(self, name: str) -> bool:
-        """Return True unless the interval of parameter `name` is its whole allowed range."""
+        """Return True unless the interval of parameter `name` is the whole physical range of the parameter."""
         (low, high), parameter = self.interval(name), self.plant.parameters[name]
         slack = WHOLE * (parameter.upper - parameter.lower) if np.isfinite(parameter.upper - parameter.lower) else 0.0
         return not (low <= parameter.lower + slack and high >= parameter.upper - slack)
@@ -237,54 +239,54 @@ def calibrate(
 ) -> Calibration:
     """Fit a plant's free parameters to recordings by output error.
 
-    The plant is simulated from its state of rest; a trust-region Gauss-Newton method with exact derivatives minimises
-    the squared difference between measured and simulated readings inside the physical ranges. The times of events, such
-    as a jump, are kept, because a small change of such a time changes only one or two samples. They still count as
-    fitted parameters and get a variance.
+    The plant is simulated from its state of rest. A trust-region Gauss-Newton method with exact derivatives minimises
+    the squared difference between measured and simulated readings within the physical ranges of the parameters. The
+    times of events, such as a jump, keep their values, but they count as fitted parameters and have a variance.
 
-    Because a descent ends in the nearest minimum, further fits follow, each on growing initial parts of the record: the
-    first from the same values, the others from a low-discrepancy sequence of points in the parameters' ranges, which is
-    the same in every run. The search ends when two starts agree on the least error, which usually costs about three
-    times as much as one fit. Two errors agree if a single 95 % interval could contain both; if the parameters
-    nevertheless disagree, the result contains both solutions.
+    A single fit may end in a local minimum. The fit is therefore repeated from several starting points: the given
+    values, and points of a low-discrepancy sequence in the parameters' ranges. Each of these fits begins with a short
+    initial part of the recording, which is doubled until it is the whole. The search ends when two starts reach the
+    smallest error, within its 95 % uncertainty. If their parameters differ significantly, the result contains both
+    solutions.
 
-    Ctrl-C ends the search: the best parameters so far are kept, and `status` says so. If the first simulation has not
-    ended yet, KeyboardInterrupt is raised.
+    Ctrl-C ends the search and returns the best parameters so far, with the status ``INTERRUPTED``. Before the end of
+    the first simulation, it raises KeyboardInterrupt.
 
     Parameters
     ----------
     plant : Plant
         Plant with starting values.
     records : Part, Experiment or Recording, or a sequence of such
-        Data to fit. All samples of experiments and recordings are used, for every reading of the rig that they contain.
-        Each experiment or recording starts from rest.
+        Data to fit. All readings of the rig that a recording contains are fitted, at all samples; a Part selects
+        samples. Each experiment or recording starts from rest.
     names : sequence of str, optional
         Names of the parameters to fit; all free parameters by default.
     starts : int
-        Largest number of starting points; 1 for a single descent from the plant's values.
+        Largest number of starting points; 1 for a single fit from the plant's values.
     evaluations : int
-        Largest number of simulations of the whole record in each fit.
+        Largest number of simulations of the whole recording in each fit.
     tolerance : float, optional
-        Relative change of the squared residual at which the fit has settled. By default the fit continues until it is
-        within a tenth of a standard error of its minimum, which requires smaller changes if the record is long.
+        Relative change of the squared residual below which a fit ends. By default a fit ends within about a tenth of a
+        standard error of its minimum.
     hopeless : float
-        Rms residual, SI: a fit is abandoned if the minimum of its linearised residual is larger.
+        Limit of the rms residual, SI. A fit is abandoned if its linearisation predicts a larger residual at the
+        minimum.
     progress : callable, optional
         Called after each simulation with the share done, between 0 and 1, and a description of the current step.
 
     Returns
     -------
     Calibration
-        Best fit, with its outcome in `status` and the number of agreeing starts in `agreed`.
+        Best fit. Its `status` is the outcome, and `agreed` the number of starts that reached it.
 
     Raises
     ------
     DataError
-        If there is no recording, or a recording has other units than the plant; or if a name occurs twice, or is not
-        the name of a free parameter.
+        If there is no recording, or the units of a recording differ from those of the plant. Also if a name in `names`
+        occurs twice or is not that of a free parameter.
     ModelError
-        If there is no plant, `starts` or `evaluations` is not an integer of at least 1, `tolerance` is not positive, or
-        `hopeless` is not a number.
+        If `plant` is not a Plant, `starts` or `evaluations` is not an integer of at least 1, `tolerance` is not
+        positive, or `hopeless` is not a number.
 
     References
     ----------

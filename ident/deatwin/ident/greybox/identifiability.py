@@ -41,22 +41,22 @@ ROUNDING = 1e-6  # The same as a share of the largest reading, for data that are
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile(Described):
-    """Likelihood profile of one parameter: for each of its values, all other parameters are fitted again.
+    """Likelihood profile of one parameter: at each of its values, all other parameters are refitted.
 
     Parameters
     ----------
     parameter : Parameter
         Parameter with its calibrated value.
     values : ndarray, shape (n,)
-        Values at which the other parameters were fitted, in increasing order, SI.
+        Values of the parameter, in increasing order, SI.
     deviances : ndarray, shape (n,)
-        Twice the decrease of the log-likelihood at each value, scaled so that its curvature matches the covariance of
-        the calibration.
+        Twice the decrease of the log-likelihood from its maximum, at each value. The deviance is scaled so that its
+        curvature matches the covariance of the calibration.
     low, high : float
-        Ends of the 95 % interval, SI. If the likelihood does not fall far enough, an end is the end of the physical
-        range, or the last value at which the plant could be fitted.
+        Ends of the 95 % interval, SI. Where the deviance stays below the 95 % limit, the interval ends at the physical
+        range or at the last value at which the plant could be fitted.
     bounded : tuple of bool
-        Two values: True if the recordings bound the parameter from below, and True if they bound it from above.
+        Two values: whether the recordings bound the parameter from below, and whether they bound it from above.
     """
 
     parameter: Parameter
@@ -102,18 +102,18 @@ class Profile(Described):
 
 @taking(calibration=instance(Calibration), name=instance(str))
 def profile(calibration: Calibration, records: Records, name: str) -> Profile:
-    """Find the 95 % likelihood interval of a parameter by profiling.
+    """Compute the likelihood profile of a parameter, and from it a 95 % interval.
 
     The residuals of a plant are correlated in time, so the likelihood for white noise would give too narrow an
-    interval. The deviance is therefore scaled so that its curvature matches the calibration's covariance, which
-    accounts for the correlation.
+    interval. The deviance is therefore scaled: its curvature matches the calibration's covariance, which accounts for
+    the correlation.
 
     Parameters
     ----------
     calibration : Calibration
         Calibration whose fit settled.
     records : Part, Experiment or Recording, or a sequence of such
-        Data that were fitted.
+        Data to which the plant was calibrated.
     name : str
         Name of a fitted parameter.
 

@@ -19,22 +19,22 @@ from deatwin.plant.timeline import Timeline
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Selection of the samples of an experiment to fit.
+    """Selection of the samples of an experiment to which a plant is fitted.
 
     Parameters
     ----------
     experiment : Experiment
         Recordings on one clock.
     masks : tuple of ndarray of bool
-        Mask of the selected samples for each recording.
+        One array for each recording, with one entry for each sample; True selects the sample.
     reading : str
-        Name of the reading to fit; the first one if empty.
+        Name of the reading to fit; empty for the first reading of the rig.
     weight : float
-        Factor of the reading and its residuals. It makes the noise of a further reading as large as that of the first
-        reading.
+        Factor by which the reading and its residuals are multiplied: the noise of the rig's first reading divided by
+        the noise of this reading.
     levels : tuple of ndarray of float, optional
-        Level of the noise at each sample of each recording, relative to the usual level; the same everywhere by
-        default. Residuals are divided by this level, so that their noise is the same everywhere.
+        For each recording, the standard deviation of the noise at each sample, relative to its usual value. Residuals
+        are divided by this ratio. By default 1 at all samples.
     """
 
     experiment: Experiment
@@ -57,7 +57,7 @@ class Part:
         return cls(experiment=experiment, masks=masks)
 
     def until_last(self) -> Part:
-        """Return the same samples, with the experiment cut after the last of them."""
+        """Return a part with the same samples, whose experiment ends at the last of them."""
         last = max(k for k, mask in enumerate(self.masks) if mask.any())
         end = int(np.flatnonzero(self.masks[last])[-1]) + 1
         records = self.experiment.recordings
@@ -67,7 +67,7 @@ class Part:
         return replace(self, experiment=Experiment(recordings=kept), masks=masks, levels=levels)
 
     def opening(self, count: int) -> Part:
-        """Select the first `count` of the selected samples, with the experiment cut after the last of them."""
+        """Return a part with the first `count` of the selected samples, whose experiment ends at the last of them."""
         before = np.cumsum([0, *(int(mask.sum()) for mask in self.masks)])
         masks = tuple(
             mask & (first + np.cumsum(mask) <= count) for mask, first in zip(self.masks, before[:-1], strict=True)
@@ -85,12 +85,12 @@ class Part:
         return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])
 
     def counted(self, timeline: Timeline) -> np.ndarray:
-        """Return the indices (n,) of the samples of `timeline` at whose ends the selected readings are taken."""
+        """Return the indices of the samples of `timeline` that are selected, shape (n,)."""
         return np.concatenate([r[m] for r, m in zip(timeline.readings, self.masks, strict=True)])
 
     @property
     def level(self) -> np.ndarray:
-        """Relative level of the noise at the selected samples, concatenated over recordings, shape (n,)."""
+        """Entries of ``levels`` at the selected samples, concatenated over recordings, shape (n,)."""
         if self.levels is None:
             return np.ones(self.size)
         return np.concatenate([level[m] for level, m in zip(self.levels, self.masks, strict=True)])
@@ -108,14 +108,12 @@ class Part:
         return self.weight * np.concatenate([r.reading(self.reading)[m] for r, m in records])
 
     def row(self, rig: Rig) -> int:
-        """Position of the reading among those of a rig, from 0."""
+        """Return the position of the reading in the list of readings of `rig`, counted from 0."""
         return row_of(rig, self.reading)
 
     @cached_property
     def history(self) -> tuple[object, ...]:
-        """Everything on which a simulation of the experiment depends; parts with equal histories share one
-        simulation.
-        """
+        """Everything on which a simulation of the experiment depends; parts with equal values share one simulation."""
         return tuple(
             (r.start, r.inputs.tobytes(), *((name, row.tobytes()) for name, row in r.extras.items()))
             for r in self.experiment.recordings

@@ -24,50 +24,54 @@ Lines = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BestLinearApproximation(Frozen):
-    """Best linear approximation of a recorded system, with the part of the output that it does not explain.
+    """Best linear approximation of a recorded system, with the noise and the nonlinear distortion of the output.
 
-    Amplitudes are the magnitudes of Fourier coefficients, (1/n) sum_k y(k) e^(-jwkT), of a signal y with n samples, at
-    the angular frequency w and the sample time T. The rms of a part of the output is the root of twice the sum of the
-    squared amplitudes.
+    The amplitude of a signal y at a spectral line is the magnitude of its Fourier coefficient,
+    (1/n) sum_k y(k) e^(-jwkT). Here n is the number of samples, w the angular frequency and T the sample time. The rms
+    of y over time is the square root of twice the sum of its squared amplitudes.
 
     Parameters
     ----------
     frequencies : ndarray, shape (n_lines,)
-        Excited lines, Hz.
+        Frequencies of the excited lines, Hz.
     response : ndarray of complex, shape (n_lines,)
         Best linear approximation, output unit per input unit.
     variance : ndarray, shape (n_lines,)
         Variance E|G - E G|^2 of the response G due to noise and distortion, in the square of its unit.
     noise_variance : ndarray, shape (n_lines,)
-        Part of `variance` that is due to noise, in the same unit; more periods would reduce it.
+        Part of `variance` that is due to noise, in the same unit. A recording with more periods would reduce it.
     dof : float
         Degrees of freedom of `variance`.
     complete : bool
-        True if `variance` includes the distortion; False if neither several realisations nor detection lines show it.
+        True if `variance` includes the distortion. This requires several realisations or detection lines.
     all_frequencies : ndarray, shape (n_all,)
-        All lines of a period between 0 and half the sampling rate, Hz.
-    excited, odd : ndarray of bool, shape (n_all,)
-        Two masks: the excited lines, and the odd harmonics of the period.
+        Frequencies of all spectral lines above 0 and below half the sampling rate, Hz.
+    excited : ndarray of bool, shape (n_all,)
+        True at the excited lines.
+    odd : ndarray of bool, shape (n_all,)
+        True at the odd harmonics of the period.
     output : ndarray, shape (n_all,)
-        Amplitude of the output, rms over the realisations, output unit.
+        Root mean square, over the realisations, of the output's amplitude at each line, output unit.
     noise : ndarray, shape (n_all,)
-        Standard deviation of the output's mean over the periods of one realisation, output unit.
+        Standard deviation, due to noise, of the output's Fourier coefficient averaged over the periods of a
+        realisation, output unit.
     distortion_variance : ndarray, shape (n_all,)
-        Squared amplitude of the nonlinear distortion, square of the output unit. The estimate is unbiased, so it may be
-        negative if there is no distortion; NaN if it cannot be determined.
+        Squared amplitude of the nonlinear distortion at each line, square of the output unit. The estimate is unbiased
+        and may therefore be negative. NaN if the distortion cannot be determined.
     distortion_low : ndarray, shape (3,)
-        Lower 95 % bounds of the rms over time of the even, the odd and all distortion, output unit; 0 where noise alone
-        explains it, NaN where it cannot be determined.
+        Lower 95 % bounds of the rms over time of the even distortion, the odd distortion, and both together, output
+        unit. 0 if noise alone explains the distortion; NaN if it cannot be determined.
     realisations : int
         Number of realisations of the input, which differ in their random phases.
     periods : int
         Number of periods that were used, summed over the realisations.
     left_out : int
-        Number of periods before the steady state, which were not used.
+        Number of periods that were left out because the output was not yet in its steady state, summed over the
+        realisations.
     input_unit, output_unit : str
-        Units of the channels; empty if unknown.
+        Units of input and output; empty if unknown.
     noise_rms : float
-        Standard deviation of a single reading's noise, output unit.
+        Standard deviation of the noise of a single output sample, output unit.
     """
 
     frequencies: Array
@@ -92,25 +96,27 @@ class BestLinearApproximation(Frozen):
 
     @property
     def separates(self) -> bool:
-        """True if only odd lines are excited, so that even distortions show on even lines and odd ones on odd lines."""
+        """True if only odd lines are excited, so that even and odd distortion appear on different lines."""
         return bool(self.odd[self.excited].all())
 
     @property
     def even_rms(self) -> float:
-        """Root mean square of the even distortion over time, output unit; NaN if it cannot be distinguished from the
-        odd ones."""
+        """Rms over time of the even distortion, output unit; NaN if even and odd distortion cannot be separated."""
         return self._rms(~self.odd) if self.separates else float("nan")
 
     @property
     def odd_rms(self) -> float:
-        """Root mean square of the odd distortion over time, output unit; NaN if it cannot be determined."""
+        """Rms over time of the odd distortion, output unit; NaN if it cannot be determined."""
         return self._rms(self.odd) if self.separates else float("nan")
 
     def _rms(self, lines: Lines) -> float:
         return float(np.sqrt(2.0 * np.maximum(np.sum(self.distortion_variance[lines]), 0.0)))
 
     def radius(self, probability: float = 0.95) -> Array:
-        """Return radii (n_lines,) of discs about `response` that hold the true value with a `probability`."""
+        """Return the radii of the confidence discs about ``response``, shape (n_lines,), in its unit.
+
+        Each disc contains the true value with the given `probability`.
+        """
         from scipy.special import fdtri
 
         return np.asarray(np.sqrt(self.variance * fdtri(2.0, self.dof, probability)))
@@ -165,7 +171,7 @@ class BestLinearApproximation(Frozen):
         }
 
     def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw the gain with its standard deviations, and the lines of the output, on two `axes` or new ones."""
+        """Draw the gain with its standard deviations, and the amplitude of the output, on two `axes` or new ones."""
         gain, output = chosen = panels_or_new(axes, 2, height=2.6)
         unit, size = written_amplitude(self.output_unit)
         gain.plot(

@@ -49,34 +49,35 @@ class _Realisation:
 def best_linear_approximation(
     recordings: Recordings, *, period: float | None = None, channel: int = 0, output: int = 0, skip: int | None = None
 ) -> BestLinearApproximation:
-    """Estimate from periodic recordings the best linear approximation of a system, its noise and its nonlinear distortions.
+    """Estimate the best linear approximation, the noise and the nonlinear distortion from periodic recordings.
 
-    Differences between periods are attributed to noise. Nonlinear distortion is estimated from the differences between
-    realisations of the input's phases (robust method), or from the output on lines that are not excited (fast method:
-    one realisation of an odd random-phase multisine with detection lines). Recordings of the same signal count as
-    further periods.
+    Differences between periods are attributed to noise. If recordings have different random phases of the input, the
+    nonlinear distortion is estimated from the differences between these realisations (robust method). With a single
+    realisation, it is estimated from the output on lines that are not excited (fast method, for an odd random-phase
+    multisine with detection lines). Recordings of the same input signal count as periods of one realisation.
 
     Parameters
     ----------
     recordings : Recording, Experiment, or several
-        Recordings with the same signals and sample time; each with at least two periods of a periodic input, of the
-        same rms within 10 %.
+        Recordings with the same channels and sample time, of a periodic input. Between recordings, the rms of the input
+        may differ by up to 10 %. Each recording needs at least three periods, or two in addition to `skip`.
     period : float, optional
-        Period of the input, s; found in the first recording if omitted.
+        Period of the input, s. By default it is estimated from the first recording.
     channel, output : int
-        Indices of the input and the output, from 0. No other input may change.
+        Indices of the input and of the output, from 0. All other inputs must be constant.
     skip : int, optional
-        Number of periods at the start of each recording to leave out. By default those in which the output still
-        settles, which can be found only if there are at least three periods.
+        Number of periods to leave out at the start of each recording. By default those before the output has reached
+        its steady state.
 
     Raises
     ------
     DataError
-        If a recording is not periodic, has too few periods, or a period is not a whole number of samples; if another
-        input changes, the inputs differ in rms, or no line is excited in all recordings.
+        If a recording is not periodic, has too few periods, or its period is not a whole number of samples. Also if
+        another input is not constant, the rms values of the inputs differ by more than 10 %, or no line is excited in
+        all recordings.
     ModelError
-        If the recordings do not fit together, the period is not a number, or `skip` is not a whole number of at least
-        0.
+        If the recordings differ in their channels or sample time, `period` is not a number, or `skip` is not a whole
+        number of at least 0.
 
     References
     ----------

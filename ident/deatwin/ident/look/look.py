@@ -65,27 +65,29 @@ class ChannelLook:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Look:
-    """Description of one recording, or of its pieces between gaps; see `look_at`.
+    """Description of a recording before identification, as `look_at` returns it.
 
     Parameters
     ----------
     recordings : tuple of Recording
-        The recording, or its pieces.
+        The recording; several if gaps divide it into pieces.
     channels : tuple of ChannelLook
-        Inputs, outputs and further channels.
+        Range, mean, noise and resolution of each channel.
     patterns : tuple of InputPattern
-        Shape and period of each input, in the longest piece.
-    excitations : tuple of Excitation or None
-        Excited bands of each input, in the longest piece; None if the spectrum cannot be estimated.
+        Shape and period of each input, estimated from the longest piece.
+    excitations : tuple of (Excitation or None)
+        Excited frequency bands of each input, estimated from the longest piece; None if the spectrum cannot be
+        estimated.
     links : tuple of Link
         Coherence and dead time from each input to each output, ordered by output.
     findings : tuple of Finding
-        Trends, drifts, outliers, steps, limits, stuck stretches.
+        Irregularities of the signals: trends, drifts, outliers, coarse resolution, values at a limit, inputs with few
+        levels, and constant stretches.
     sampling : SamplingChoice or None
-        Advice on the sample time for a NARX model; None if the record is too short.
+        Advice on the sample time for a NARX model; None if the recording is too short.
     best_linear : BestLinearApproximation or None
-        Best linear approximation from the first input to the first output, with noise and distortions; None unless only
-        this input changes and it has at least three periods.
+        Best linear approximation from the first input to the first output, from the longest piece. None if this input
+        is not periodic, has fewer than three periods, or another input varies.
     """
 
     recordings: tuple[Recording, ...]
@@ -109,12 +111,12 @@ class Look:
 
     @property
     def gaps(self) -> tuple[tuple[float, float], ...]:
-        """Ends of the gaps between pieces, s."""
+        """Start and end of each gap between pieces, s."""
         return tuple((before.end, after.start) for before, after in pairwise(self.recordings))
 
     @property
     def clock(self) -> str:
-        """Clock of the recording, in words."""
+        """Number of samples, sample time, start, end and gaps of the recording, as text."""
         first, last = self.recordings[0], self.recordings[-1]
         text = f"{self.n_samples} samples, every {self.sample_time:.6g} s, from {first.start:.6g} to {last.end:.6g} s"
         uneven = [said for record in self.recordings if (said := record.provenance.get("resampled"))]
@@ -165,7 +167,7 @@ class Look:
         }
 
     def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw on three `axes` or new ones the first input, the first output with its faults, and their coherence."""
+        """Draw the first input, the first output with its faults, and their coherence, on three `axes` or new ones."""
         chosen = panels_or_new(axes, 3, height=1.8)
         for record in self.recordings:
             unit, size = written_amplitude(record.output_units[0])
@@ -212,10 +214,9 @@ class Look:
 
 
 def look_at(recordings: Recordings) -> Look:
-    """Inspect a recording before identifying a model.
+    """Inspect a recording before a model is identified.
 
-    The recording is not altered, and no model is fitted except the regression that estimates dead times. Recordings of
-    any length are accepted; results that need a longer recording are omitted.
+    Recordings of any length are accepted; results that need a longer recording are omitted.
 
     Parameters
     ----------
@@ -225,9 +226,9 @@ def look_at(recordings: Recordings) -> Look:
     Raises
     ------
     DataError
-        If the recording has no output.
+        If the recording has no input or no output.
     ModelError
-        If the recordings do not fit together.
+        If `recordings` is empty, or contains anything but recordings and experiments.
     """
     records = flatten(recordings)
     longest = max(records, key=lambda record: record.n_samples)

@@ -45,20 +45,21 @@ class _Chosen:
 def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] | None = None) -> CalibratedMaterial:
     """Fit one material to several tests.
 
-    The equilibrium network is one of the energies of `deatwin.plant.laws`; Schwarz' criterion, an approximation of the
-    evidence, chooses the energy and the number of Maxwell branches. If the odds of several energies differ by less than
-    a factor of 20, the energy with the fewest parameters is chosen. Samples are weighted by their errors. The errors
-    have an absolute and a relative part and a common factor for each specimen, and may be correlated; the fit estimates
-    all of these.
+    The material is an elastic network with Maxwell branches in parallel. The energy of the network is one of those in
+    `deatwin.plant.laws`. The Bayesian information criterion (BIC) chooses the energy and the number of branches. Among
+    energies whose posterior odds differ by less than a factor of 20, the one with the fewest parameters is chosen.
+
+    Samples are weighted by their measurement errors, which are estimated from the tests. An error has an absolute part,
+    a relative part, and a factor that all tests of a specimen have in common. Errors may be correlated in time.
 
     Parameters
     ----------
     tests : sequence of MaterialTest
         Tests of one material, on one or more specimens.
     about : mapping, optional
-        Properties that tests cannot determine, in the form of the section ``[material]`` of a rig file: ``name``,
-        ``permittivity``, ``breakdown``, ``density_kg_m3``. If it contains an ``energy``, no other energy is tried; for
-        a formula of your own, ``parameters`` gives start values and ranges.
+        Properties that tests cannot determine, with the keys of the section ``[material]`` of a rig file: ``name``,
+        ``permittivity``, ``breakdown``, ``density_kg_m3``. If it contains ``energy``, only this energy is fitted. If
+        that is a formula of your own, ``parameters`` must give its start values and ranges.
 
     Returns
     -------
@@ -68,10 +69,10 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
     Raises
     ------
     DataError
-        If there are no tests, something is not a `MaterialTest`, or the tests do not determine the parameters of any
-        energy.
+        If there are no tests, an element is not a `MaterialTest`, the stress of a test is zero throughout, or no energy
+        explains the tests.
     RigError
-        If `about` has mistakes.
+        If `about` contains a mistake.
     """
     listed = _listed(tests)
     own = stated_energy(about or {})

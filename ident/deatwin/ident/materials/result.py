@@ -43,19 +43,19 @@ class CalibratedMaterial:
     Parameters
     ----------
     section : mapping
-        The section ``[material]`` of a rig file; the range of each parameter is its 95 % interval.
+        The material as the section ``[material]`` of a rig file. The range of each parameter is its 95 % interval.
     quantities : tuple of Quantity
-        Parameters of the energy, then modulus and time of each branch from the fastest on: ``name``, ``value``,
-        ``low``, ``high``, ``unit``.
+        Parameters of the energy, then modulus and relaxation time of each Maxwell branch, the fastest branch first.
+        Each has ``name``, ``value``, 95 % limits ``low`` and ``high``, and ``unit``.
     covariance : ndarray, shape (k, k)
-        Covariance of the transformed parameters: those of the energy (`Scale`), then the logarithms of all moduli and
-        of all times.
+        Covariance of the k fitted parameters: first those of the energy, each transformed by its `Scale`, then the
+        logarithms of all moduli, then the logarithms of all relaxation times.
     noise : Noise
-        Errors of the tests: ``absolute`` (Pa) and ``relative``, each with one value for each kind of data (stresses,
-        moduli), and the relative ``scatter`` between specimens.
+        Estimated errors of the tests. ``absolute`` (Pa) and ``relative`` have one value for stresses and one for
+        moduli. ``scatter`` is the relative standard deviation between specimens.
     choices : tuple of Choice
-        Energies and numbers of branches that were tried: ``energy``, ``branches``, and ``behind``, the log odds of the
-        most probable choice over this choice.
+        Combinations of an energy and a number of branches that were fitted, with fields ``energy``, ``branches`` and
+        ``behind``: the logarithm of the odds of the most probable combination over this one.
     notes : tuple of str
         Remarks on what the tests cannot determine.
     tests : tuple of MaterialTest
@@ -78,7 +78,7 @@ class CalibratedMaterial:
 
     @cached_property
     def material(self) -> Material:
-        """The material, in the form that every rig accepts."""
+        """The material as an object, for use in a rig."""
         found, mistakes = read_material(self.section)
         if found is None:
             raise ValueError(f"no section of a rig file: {mistakes}")
@@ -95,7 +95,7 @@ class CalibratedMaterial:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Parameters and notes, as plain text."""
+        """Parameters and notes as plain text, one line each."""
         return (*map(str, self.quantities), *(f"note: {note}" for note in self.notes))
 
     def __str__(self) -> str:
@@ -129,7 +129,7 @@ class CalibratedMaterial:
 
     @property
     def panels(self) -> tuple[str, ...]:
-        """Names of the pictures that `plot` draws."""
+        """Names of the diagrams that `plot` draws: "stretch", "time" and "frequency", as far as there are data."""
         kinds = [block.test for block in self.data.blocks]
         shown = {
             "stretch": any(not test.is_dma for test in kinds),
@@ -139,7 +139,7 @@ class CalibratedMaterial:
         return tuple(name for name, there in shown.items() if there)
 
     def draw_panel(self, name: str, ax: Axes) -> None:
-        """Draw the picture `name`, one of `panels`, on `ax`."""
+        """Draw the diagram `name`, one of `panels`, on `ax`."""
         for block, place in zip(self.data.blocks, self.data.places, strict=True):
             if block.test.is_dma == (name == "frequency") and (name != "time" or block.times is not None):
                 _draw_block(name, ax, block, self.modelled[place])

@@ -75,16 +75,16 @@ _SECTIONS = ("material", "specimen", "tests")
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialTests:
-    """Material tests listed in a test file.
+    """Contents of a file that lists tests of a material, as `read_material_tests` returns them.
 
     Parameters
     ----------
     tests : tuple of MaterialTest
         The tests, in the order of the file.
     about : mapping
-        The section ``[material]``: name, permittivity and other values that tests cannot determine.
+        The section ``[material]`` of the file: name, permittivity and other properties that tests cannot determine.
     files : tuple of Path
-        Files of the tests.
+        Paths of the files that contain the data of the tests.
     """
 
     tests: tuple[MaterialTest, ...]
@@ -94,18 +94,18 @@ class MaterialTests:
 
 @taking(path=file_name)
 def read_material_tests(path: str | Path) -> MaterialTests:
-    """Read a file that lists tests of a material, and the files of these tests.
+    """Read a file that lists tests of a material, and the data files of these tests.
 
     Parameters
     ----------
     path : str or Path
         TOML file with sections ``[material]``, ``[specimen]`` and ``[[tests]]``; the page "A material from tests"
-        explains its keys. The files of the tests must be in the same folder.
+        explains its keys. Paths of data files are relative to the folder of this file.
 
     Returns
     -------
     MaterialTests
-        Tests in SI units, and the properties of the material that the file states.
+        The tests in SI units, and the properties of the material that the TOML file states.
 
     Raises
     ------

@@ -21,36 +21,40 @@ FEWEST = 4  # Fewest samples of a test: fewer carry less information than its no
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaterialTest:
-    """One test of a specimen that was at rest and unstretched before.
+    """Data of one mechanical test. Before the test, the specimen was at rest and unstretched.
 
     Parameters
     ----------
     name : str
-        Name in reports, such as the name of the file.
+        Name in reports, for example that of the data file.
     kind : str
-        ``"tension"``, ``"relaxation"`` or ``"cycles"`` of a strip with free sides, ``"equibiaxial"``, ``"pure shear"``
-        (a wide strip, which keeps its width), or ``"dma"`` (dynamic mechanical analysis).
+        ``"tension"``, ``"relaxation"`` or ``"cycles"`` for a strip with free sides; ``"equibiaxial"``;
+        ``"pure shear"`` for a wide strip, which keeps its width; or ``"dma"`` for dynamic mechanical analysis.
     specimen : str
-        Name of the specimen; tests of one specimen share its deviation from other specimens. By default the test's
-        name.
+        Name of the specimen; by default the name of the test. The stresses of a specimen may deviate by a factor, which
+        is the same in all its tests.
     times : array_like, shape (n,), optional
-        Times, s. If the first sample is later than time 0, the stretch changes at a constant strain rate from 1 at time
-        0 to that of the first sample. If the first sample is at time 0, its stretch was reached instantaneously. A test
-        without times is treated as so slow that all branches are relaxed.
+        Times, s, at least 0. The stretch is 1 until time 0. From then on, it changes at a constant strain rate until
+        the first sample. If the first sample is at time 0, the stretch jumps. Without times, the test counts as so slow
+        that all Maxwell branches are relaxed.
     stretch : array_like, shape (n,)
-        Stretch along the pull; for a dma test a number, the mean stretch at which the specimen is relaxed, 1 by
-        default.
+        Stretch in the loading direction. For a dma test a single number: the static stretch, 1 by default, at which the
+        specimen has relaxed.
     stress : array_like, shape (n,)
-        Force per area of the unstretched specimen, Pa; in an equibiaxial test along one direction. A dma test has none.
+        Nominal stress, Pa: force in the loading direction per area of the unstretched specimen. For an equibiaxial
+        test, the stress in one of the two directions. Omitted for a dma test.
     frequencies, storage, loss : array_like, shape (n,)
-        Data of a dma test: frequencies in Hz, moduli in Pa, referred to the unstretched specimen.
+        Data of a dma test: frequencies in Hz, storage and loss modulus in Pa. The moduli refer to the dimensions of the
+        unstretched specimen.
     shear : bool
         True if a dma test measured shear moduli; False if it measured tensile moduli.
 
     Raises
     ------
     DataError
-        If the arrays do not match each other or the kind of test, times do not increase, or a value is impossible.
+        If `kind` is unknown, the arrays required for it are missing or differ in length, a test has fewer than 4
+        samples, times do not increase from 0 or later, a value is not finite, or a stretch, frequency or storage
+        modulus is not positive.
     """
 
     name: str
@@ -107,7 +111,7 @@ class MaterialTest:
 
     @property
     def is_dma(self) -> bool:
-        """True if the test gives moduli over frequency."""
+        """True if the test is a dynamic mechanical analysis."""
         return self.kind == "dma"
 
     @property
@@ -122,7 +126,7 @@ class MaterialTest:
 
     @property
     def clock(self) -> tuple[float, float] | None:
-        """Shortest and longest time scale that the test shows, s; None if it shows none."""
+        """Shortest and longest time scale that the test resolves, s; None for a test without times."""
         if self.is_dma:
             turned = 2.0 * np.pi * np.asarray(self.frequencies)
             return float(1.0 / turned.max()), float(1.0 / turned.min())

@@ -24,13 +24,14 @@ def how_sure(diagnosis: Diagnosis) -> str:
     Parameters
     ----------
     diagnosis : Diagnosis
-        Diagnosis whose verdict is judged.
+        Finished diagnosis.
 
     Returns
     -------
     str
-        One sentence without capital and full stop: the probabilities of the likeliest explanations, or the figures that
-        decided a verdict without causes. Empty if the diagnosis has none of these figures.
+        One sentence without initial capital and full stop. It states the probabilities of the likeliest explanations;
+        for a verdict without causes, it states the numbers that decided the verdict. Empty if the diagnosis contains
+        none of these numbers.
     """
     return _LINES[diagnosis.verdict](diagnosis)
 
@@ -46,7 +47,7 @@ def next_step(diagnosis: Diagnosis) -> str:
     Returns
     -------
     str
-        One sentence without capital and full stop.
+        One sentence without initial capital and full stop.
     """
     advised = diagnosis.advice
     if diagnosis.verdict is not Verdict.AMBIGUOUS:

@@ -61,7 +61,8 @@ def diagnose(
     plant : Plant
         Nominal plant; it is calibrated first.
     experiments : Experiment or Recording, or a sequence of such
-        Experiments and single recordings, each from rest. Put recordings on the same clock into one experiment.
+        Experiments and single recordings, each of which starts from rest. Put recordings that follow each other on the
+        same clock into one experiment.
     effects : sequence of Effect, optional
         Effects that may be missing; by default the whole catalogue. If the rig states its typical quantities
         (`Rig.sizes`), the typical strengths of catalogue effects are adapted to them. Effects that the rig does not
@@ -73,22 +74,22 @@ def diagnose(
     progress : callable, optional
         Called with the completed share and a description of the current work.
     through : callable, optional
-        Called with each finished step, so that its result can be kept if the diagnosis ends early.
+        Called with each finished step, for example to save its result before the diagnosis ends.
 
     Returns
     -------
     Diagnosis
-        Verdict, evidence, and the calibrated plant, amended if causes were found.
+        Verdict, the results that support it, and the calibrated plant with the effects that were found.
 
     Raises
     ------
     DataError
-        If the recordings cannot be used at all.
+        If the recordings cannot be diagnosed; `check_quality` lists the reasons.
     ModelError
-        If there is no plant, there are too few samples for its parameters, or the seed or the number of processes is
-        unusable.
+        If `plant` is not a Plant or there are too few samples for its parameters. Also if `seed` is not an integer of
+        at least 0, or `jobs` is neither -1 nor an integer of at least 1.
     RigError
-        If one of the given effects is not an `Effect`.
+        If one of `effects` is not an `Effect`.
     SimulationError
         If the plant cannot be simulated on the recordings.
     """

@@ -94,9 +94,10 @@ def _readings(diagnosis: Diagnosis) -> Variables:
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis(Described):
-    """Verdict with all results that support it. Amplitudes are in the unit that `output` names.
+    """Verdict of a diagnosis, with all results that support it.
 
-    A diagnosis that was read from its file has no models, readings or findings.
+    Amplitudes are in the unit that `output` names. In a diagnosis that was loaded from its file, the fields from
+    `model` to `findings` are empty.
 
     Parameters
     ----------
@@ -111,52 +112,53 @@ class Diagnosis(Described):
     location : LocationSummary or None
         Location of the mismatch; None if nothing is missing.
     causes : tuple of Cause
-        Effects that are built into the amended plant.
+        Effects of the best explanation, each with its parameters and its probability.
     names : tuple of str
-        Effects that may be the explanation (``set`` in the file).
+        Effects of the best explanation and of all alternatives (``set`` in the file).
     rivals : tuple of tuple of str
-        Effects of each alternative explanation that the recordings do not rule out; an empty tuple is the plant without
+        Effects of each alternative explanation that the recordings do not rule out. An empty tuple is the plant without
         effects.
     explanations : tuple of Explanation
-        The answer and then its alternatives, each with its probability; empty unless the verdict is `named` or
+        Best explanation and then the alternatives, each with its probability. Empty unless the verdict is `named` or
         `ambiguous`.
     indistinguishable : tuple of IndistinguishablePair
-        Pairs of explanations with their distance d².
+        Best explanation paired with each alternative, with the squared distance d² (`Distance`).
     advice : AdviceSummary or None
         Next experiment; None if none is advised.
     unexplained : Unexplained or None
-        Remaining mismatch and its location, if the verdict is `partly`.
+        Mismatch that remains with the causes, and its location; None unless the verdict is `partly`.
     free_form : FreeFormSummary or None
-        Description of a mismatch that no effect explains.
+        Force without a physical name that describes a mismatch which no effect explains; None if there is none.
     sentence : str
         Conclusion in plain words; each number in it is a field of the file.
     fit : FitSummary
-        Rms residuals of the base plant and of the amended plant, on fitted and on held-out data.
+        Rms residuals without and with the causes, on fitted and on held-out data.
     verification : VerificationSummary or None
-        Tests of the best explanation: ablation, placebo effects, transfer, constancy; None if there is no explanation.
+        Results of the tests of the best explanation (`verify`); None if there is no explanation.
     faults : tuple of Fault
         Faults of the recordings.
     taught : tuple of ReadingSummary or None
-        Contribution of each reading to the answer (``readings`` in the file); None if there is only one reading.
+        Residuals of each reading, and the probabilities with and without this reading (``readings`` in the file). None
+        if there is only one reading.
     parameters : mapping of str to FittedParameter
-        Parameters of the calibrated base plant.
+        Parameters of the base plant, which is the calibrated plant without effects.
     forms : tuple of FormSummary
         Interpretations of the rig file that were compared, the chosen one first.
     warnings : tuple of str
-        Further warnings for the user.
+        Warnings for the user.
     model, base_model : CalibratedPlant or None
-        Calibrated plant with and without the causes; the file of the diagnosis does not hold them.
+        Calibrated plant with the causes, and without them.
     rival_models : mapping of str to CalibratedPlant
-        Plants of the explanations that the recordings cannot rule out, calibrated on the fitted data. A key joins the
-        names of the effects with ``+``; it is ``none`` for the plant without effects.
+        Plant of each alternative explanation, calibrated on the fitted data. A key joins the names of the effects with
+        ``+``; it is ``none`` for the plant without effects.
     candidates : tuple of CandidateSummary
-        All explanations that were tried, the base plant first.
+        All candidates that were tried, the base plant first.
     readings : Readings or None
-        Recorded and simulated readings.
+        Recorded and simulated values of the first reading.
     further : tuple of Readings
-        Recorded and simulated readings of each further sensor.
+        Recorded and simulated values of all other readings.
     findings : Findings or None
-        Result of each step, as an object that can draw itself.
+        Results of the steps of the diagnosis, in SI units, as objects with methods such as ``plot``.
     """
 
     output: Output
@@ -219,7 +221,7 @@ class Diagnosis(Described):
         return data
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw residuals of base and amended plant over time, the held-out part shaded, with the verdict as title.
+        """Draw the residuals without and with the causes over time, with the held-out part shaded.
 
         Parameters
         ----------
@@ -233,7 +235,7 @@ class Diagnosis(Described):
         Raises
         ------
         ModelError
-            If there are no readings to draw: a file holds the conclusions, not the recordings.
+            If the diagnosis was loaded from its file, which does not contain the readings.
         """
         if self.readings is None:
             raise ModelError("this diagnosis has no evidence to draw: a file keeps the conclusions, not the recordings")

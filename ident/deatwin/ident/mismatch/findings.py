@@ -25,7 +25,7 @@ from deatwin.plant.amplitudes import amplitude_unit
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
-    """Results of the steps of a diagnosis; SI.
+    """Results of the steps of a diagnosis, in SI units.
 
     Parameters
     ----------
@@ -40,23 +40,23 @@ class Findings:
     location : Location or None
         Location of the mismatch; None if nothing is missing.
     naming : Naming
-        Explanations that were tried.
+        Candidates that were tried, and the choice among them.
     verification : Verification
         Tests of the best explanation on held-out data.
     advice : Advice or None
-        Experiment that would distinguish the explanations.
+        Experiment that would distinguish the remaining explanations; None if none is needed.
     discovery : Discovery or None
-        Free form for a mismatch that no effect explains.
+        Force without a physical name that describes a mismatch which no effect explains; None if there is none.
     verdict : Verdict
         Conclusion of the diagnosis.
     answer : Candidate
-        Best explanation, or the base plant.
+        Best explanation; the base plant if there is none.
     final : Calibration
-        Answer, calibrated on all samples without a fault.
+        The answer, calibrated on all samples without a fault.
     left : Location or None
-        Location of the mismatch that a partial answer leaves.
+        Location of the mismatch that the answer leaves; None unless the verdict is `partly`.
     elsewhere : tuple of Candidate
-        The answer with its effects at other places that the recordings cannot rule out.
+        Candidates with the effects of the answer at other places, which the recordings cannot rule out.
     """
 
     problem: DiagnosisProblem
@@ -76,22 +76,22 @@ class Findings:
 
     @property
     def named(self) -> bool:
-        """Return whether the answer has causes."""
+        """True if the answer contains effects."""
         return bool(self.answer.effects)
 
     @property
     def calibrated(self) -> Calibration:
-        """The base plant as reported; fitted to all data if that removes the apparent mismatch."""
+        """The reported base plant: calibrated on the fitted data, or on all data if this removes the mismatch."""
         return self.base.chosen.calibration if self.detection.taken_up is None else self.final
 
     @cached_property
     def intervals(self) -> Calibration:
-        """The answer with a covariance that also includes the plant's model error."""
+        """``final`` with a covariance that also includes the plant's model error."""
         return self._with_own_errors(self.final)
 
     @cached_property
     def base_intervals(self) -> Calibration:
-        """The base plant as reported, with such a covariance."""
+        """``calibrated`` with a covariance that also includes the plant's model error."""
         return self.intervals if self.calibrated is self.final else self._with_own_errors(self.calibrated)
 
     def _with_own_errors(self, fit: Calibration) -> Calibration:
@@ -106,5 +106,5 @@ class Findings:
 
     @property
     def unit(self) -> tuple[str, float]:
-        """Reported unit of amplitudes, and its size in SI."""
+        """Unit in which the diagnosis reports amplitudes, and its size in SI."""
         return amplitude_unit(self.final.plant.rig.output_unit)

@@ -20,20 +20,20 @@ SPACE = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """Recorded readings with the simulated ones; SI.
+    """Recorded and simulated values of one reading, in SI units.
 
     Parameters
     ----------
     experiments : tuple of Experiment
         The recordings.
     base : tuple of tuple of ndarray, each of shape (n,)
-        Readings of the calibrated base plant, for each experiment and record.
-    amended : same shape, or None
-        Readings of the amended plant; None if there are no causes.
-    unseen : tuple of tuple of ndarray of bool
-        Held-out samples, to which nothing was fitted before the verdict.
+        Simulation without the causes, for each experiment and each of its recordings.
+    amended : tuple of tuple of ndarray, each of shape (n,), or None
+        Simulation with the causes, in the same form; None if there are no causes.
+    unseen : tuple of tuple of ndarray of bool, each of shape (n,)
+        True at held-out samples, to which nothing was fitted before the verdict.
     reading : str
-        Name of a further reading; empty for the first one.
+        Name of the reading; empty for the first reading of the rig.
     """
 
     experiments: tuple[Experiment, ...]

@@ -104,22 +104,24 @@ class Unexplained:
 
     Parameters
     ----------
-    rms, mismatch : float
-        Rms residual beyond the sensor noise over all readings, with and without the causes, in the unit of the
-        diagnosis.
+    rms : float
+        Rms residual beyond the sensor noise with the causes, over all data, in the unit of `Diagnosis.output`.
+    mismatch : float
+        The same quantity without the causes.
     share : float
-        Share of the mismatch's power that remains.
+        Ratio (rms / mismatch)², at most 1.
     fitted, unseen : float
-        Rms residual beyond the noise with the causes, on fitted and on held-out data, in the unit of the diagnosis.
+        Rms residual beyond the sensor noise with the causes, on fitted and on held-out data, in the same unit.
     time : Window or None
-        Stretch of time with the largest share of the remaining mismatch; None if the mismatch extends over nearly the
-        whole time.
+        Interval of time with the largest share of the remaining mismatch. None if the remaining mismatch extends over
+        nearly the whole time.
     frequency : Band or None
-        Frequency band with the most power of the remaining mismatch.
+        Frequency band in which the remaining mismatch has the most power; None if no band exceeds the noise.
     region : Region or None
-        Range of an operating signal in which the mean of the remaining mismatch is largest.
+        Range of an operating signal, such as the command or the reading, in which the mean of the remaining residual is
+        largest. None if there is no such range.
     place : str or None
-        Part of the plant whose signals predict the remaining mismatch best.
+        Part of the plant whose signals predict the remaining mismatch best; None if no part predicts it.
     """
 
     rms: float
@@ -156,27 +158,28 @@ class ReadingLocation:
 
 @dataclass(frozen=True, kw_only=True)
 class LocationSummary:
-    """Summary of the location of the mismatch.
+    """Summary of the location of the mismatch. All fields except `readings` describe the first reading.
 
     Parameters
     ----------
     time : tuple of Window
-        Times with a mismatch.
+        Intervals of time with a mismatch.
     period_s : float or None
         Period with which the mismatch repeats, s; None if the mismatch does not repeat.
     frequency : tuple of Band
-        Frequencies with a mismatch.
+        Frequency bands with a mismatch.
     lines : LinesSummary or None
-        Mismatch on the lines of a periodic input and between them; None if no record is periodic.
+        Residual under a periodic input: at the excited spectral lines, at the other odd and even lines, and its part
+        that varies between periods. None if no recording is periodic.
     region : tuple of Region
-        Ranges of the operating signals with a mismatch.
+        Ranges of operating signals, such as the command or the reading, in which the mean residual is not zero.
     place : tuple of PlaceSummary
-        Parts of the plant that predict the mismatch, the best first.
+        Parts of the plant at which effects or signals explain the mismatch, the best first.
     response : tuple of ResponseDifference, or None
-        Orders and bands of the frequency response that differ; None if they could not be tested.
+        Orders and frequency bands in which the recorded frequency response differs from that of the plant; None if this
+        could not be tested.
     readings : tuple of ReadingLocation or None
-        Location in each further reading; None if there is only one reading. All other fields describe the first
-        reading.
+        Location in each reading other than the first; None if there is only one reading.
     """
 
     time: tuple[Window, ...]

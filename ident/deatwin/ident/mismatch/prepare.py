@@ -31,7 +31,7 @@ def prepare(
 ) -> tuple[DiagnosisProblem, Base]:
     """Prepare the diagnosis problem from plant, effects and recordings, and calibrate the plant.
 
-    If only the held-out data have a mismatch, some of the held-out data are fitted too.
+    If only the held-out data show a mismatch, a part of them is added to the fitted data.
 
     Parameters
     ----------
@@ -48,15 +48,15 @@ def prepare(
     Returns
     -------
     DiagnosisProblem
-        Diagnosis problem; its plant is judged by the model error expected for these recordings, and simulated with
-        fewer stages if this does not change the readings visibly.
+        Diagnosis problem. Its plant has the model error that is expected for these recordings. This plant is simulated
+        with fewer stages (`Plant.stages`) than `plant` if this hardly changes the readings.
     Base
-        Calibrated plant, judged and simulated in the same way.
+        The calibrated plant, with the same model error and number of stages.
 
     Raises
     ------
     RigError
-        If one of the given effects is not an `Effect`.
+        If one of `effects` is not an `Effect`.
     SimulationError
         If the plant cannot be simulated on the recordings.
     """

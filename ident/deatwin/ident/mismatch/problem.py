@@ -15,24 +15,25 @@ from deatwin.plant.model import Plant
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DiagnosisProblem:
-    """Diagnosis problem: plant, effects and recordings, prepared for all steps.
+    """Diagnosis problem: plant, effects and recordings, prepared for all steps of a diagnosis.
 
     Parameters
     ----------
     nominal : Plant
-        Plant as the user gave it, not calibrated.
+        Plant that the user gave, before calibration.
     effects : tuple of Effect
         Effects that may be missing.
     fitted, unseen, everything : tuple of Part
-        Fitted data, held-out data, and all data.
+        Fitted data, held-out data, and both together.
     jobs : int
         Number of worker processes.
     stated_error : float
-        Model error that the user's rig states, SI.
+        Model error that the rig states, rms, SI.
     expected_error : float
-        Stated model error, scaled to the recorded motion, SI.
+        Model error that is expected for these recordings: the stated one, scaled to the recorded motion, rms, SI.
     elsewhere : tuple of Effect
-        Effects at other places, tried in place of the effect that was found.
+        Copies of the effects that act at other places of the plant. They are tried in place of an effect that was
+        found.
     """
 
     nominal: Plant
@@ -47,16 +48,18 @@ class DiagnosisProblem:
 
     @property
     def everywhere(self) -> tuple[Effect, ...]:
-        """Return all effects that may be missing, at all places."""
+        """All effects that may be missing, at all places: ``effects``, then ``elsewhere``."""
         return (*self.effects, *self.elsewhere)
 
     def log_share(self, names: Collection[str]) -> float:
-        """Return the logarithm of the prior share of these places: each place has the same share.
+        """Return the logarithm of the prior probability of the places at which effects act.
+
+        The places at which an effect may act are equally probable.
 
         Parameters
         ----------
         names : collection of str
-            Names of effects with their places.
+            Names of the effects; a name identifies the place, too.
 
         Returns
         -------
@@ -67,24 +70,24 @@ class DiagnosisProblem:
         return -sum(log(places[effect.cause]) for effect in chosen)
 
     def log_size(self, names: Collection[str], plant: Plant) -> float:
-        """Return by how much the strengths of effects at other places are less likely than typical ones.
+        """Return the log-prior of the strengths of effects that do not act at their usual place.
 
-        Let z be the strength of an effect, divided by the half width of its prior. If effects change the reading alike,
-        only their relative strength is known. The prior is therefore that of ln z, proportional to z exp(-z²/2),
-        relative to its largest value, at z = 1. Effects with a smaller z, and strengths with a unit, do not count,
-        because typical strengths with a unit apply to film rigs only.
+        Let z be the fitted strength of an effect, divided by the scale of its prior. The prior density of ln z is
+        proportional to z exp(-z²/2) and largest at z = 1. For z > 1, the log-prior is the logarithm of this density
+        relative to its maximum; otherwise it is 0. It is also 0 for strengths that are not dimensionless. If there are
+        several effects, their log-priors are added.
 
         Parameters
         ----------
         names : collection of str
-            Names of effects with their places.
+            Names of the effects; a name identifies the place, too.
         plant : Plant
             Fitted plant with these effects.
 
         Returns
         -------
         float
-            Log-prior in nats; 0 if no z is above 1.
+            Log-prior, nats; 0 or less.
         """
         found = [effect for effect in self.everywhere if effect.name in names and effect.placed_at]
         sizes = [
@@ -96,6 +99,6 @@ class DiagnosisProblem:
 
     @property
     def of_first(self) -> DiagnosisProblem:
-        """Return the same problem with the first reading only."""
+        """The same problem with the first reading only."""
         fitted, unseen, everything = map(first_only, (self.fitted, self.unseen, self.everything))
         return replace(self, fitted=fitted, unseen=unseen, everything=everything)

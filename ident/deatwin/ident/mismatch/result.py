@@ -34,19 +34,19 @@ LEAST_TOLD = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingSummary:
-    """Residuals of one of several readings, and the explanations' probabilities with and without this reading; SI.
+    """Residuals of one of several readings, and the probabilities of explanations with and without this reading.
 
     Parameters
     ----------
     reading, unit : str
         Name of the signal, and its SI unit.
     noise : float
-        Standard deviation of the reading's noise.
+        Standard deviation of the reading's noise, in `unit`.
     fitted, unseen : Errors
-        Rms residuals on fitted and on held-out data, of the calibrated and of the amended plant.
+        Rms residuals on fitted and on held-out data, without and with the causes, in `unit`.
     with_it, without_it : mapping of str to float, or None
-        Probabilities of the explanations from all readings, and from all readings except this one; None if there are
-        fewer than two explanations.
+        Probabilities of the explanations, computed from all readings and from all readings except this one. None if
+        there are fewer than two explanations.
     """
 
     reading: str
@@ -59,7 +59,7 @@ class ReadingSummary:
 
     @property
     def sentence(self) -> str:
-        """Return, in words, how this reading changed the answer."""
+        """Residuals of this reading and its influence on the explanation, in words."""
         before, after = with_unit(self.unseen.before, self.unit), self.unseen.after
         left = f"is {before} rms"
         if after is not None:
@@ -123,31 +123,34 @@ class OriginSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionSummary:
-    """Summary of the test for missing physics and of the smallest detectable effects; unit as in `Diagnosis.output`.
+    """Summary of the test for missing physics, and of the smallest detectable effects.
+
+    Amplitudes are in the unit of `Diagnosis.output`.
 
     Parameters
     ----------
     p_value : float or None
-        Probability of statistics at least as large if nothing is missing.
+        p-value of all statistics together, for the hypothesis that nothing is missing.
     excess : float or None
-        Rms residual beyond the sensor noise.
+        Rms residual beyond the sensor noise: the larger of the values on fitted and on held-out data.
     practical : float or None
-        Smallest excess that counts as missing physics, rms.
+        Smallest `excess` that counts as missing physics.
     taken_up : bool or None
-        True if a fit of the plant to all data leaves no mismatch.
+        True if a fit of the plant to all data, fitted and held-out, leaves no mismatch.
     moved : float or None
-        Rms change that the commands cause in the readings.
+        Rms response of the simulated readings to the changes of the command.
     smallest_detectable : mapping of str to float or None
-        Rms change of the readings at which each effect is detected; None if a refit of the parameters absorbs it.
+        For each effect, the rms change of the readings at which it is detected with a probability of 90 %. None if a
+        refit of the parameters absorbs the effect completely.
     statistics : tuple of Statistic or None
-        One result for each group of statistics: variance ratio, cumulative periodogram, correlation with the command,
-        correlation of the squared residual.
+        One result for each group of statistics of the residual: variance ratio, cumulative periodogram, correlation
+        with the command, and correlation of the squared residual with the command.
     noise_source : str or None
         Source of the noise estimate.
     repeatability : RepeatabilitySummary or None
-        Test of repeated commands; None if no command is repeated.
+        Similarity of the residual between repeats of a command; None if no command is repeated.
     origin : OriginSummary or None
-        Evidence that the residual comes from the plant rather than from a disturbance.
+        Evidence on whether the residual comes from the plant or from a disturbance.
     """
 
     p_value: float | None
@@ -228,30 +231,30 @@ class ConstancySummary:
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationSummary:
-    """Summary of the tests of the best explanation on held-out data.
+    """Summary of the tests of the best explanation by `verify`.
 
     Parameters
     ----------
     holds : bool
         True if all tests are passed.
     failures : tuple of str
-        Failed tests, each in a clause.
+        Descriptions of the failed tests, as clauses.
     gain_low : float
-        Lower 95 % bound of the decrease of the rms residual on held-out data, in the unit of the diagnosis.
+        Lower 95 % bound of the decrease of the rms residual on held-out data, in the unit of `Diagnosis.output`.
     counts : bool or None
-        True if the explanation is accepted even without a positive `gain_low`: over all data the error certainly
-        decreases, and on held-out data the mean square error decreases by more than the square of the model error and
-        by more than half of its excess over noise.
+        True if the explanation is accepted even if `gain_low` is not positive. The mean square residual must then
+        decrease significantly over all data. On held-out data, it must decrease by more than the square of the model
+        error, and by more than half of its excess over the noise variance.
     ablation : tuple of Ablation
-        For each effect, the results when this effect is removed and the rest is refitted.
+        For each effect, the result when this effect is removed and all other parameters are refitted.
     shams : tuple of PlaceboSummary
         Results with placebo effects, one for each kind of placebo and each effect.
     transfer : tuple of TransferSummary
-        Residuals without and with the explanation on each record, if there are several, and on blocks with small,
-        medium and large commands.
+        Residuals without and with the explanation on parts of the held-out data: on each recording, if there are
+        several, and on blocks with small, medium and large commands.
     constancy : tuple of ConstancySummary or None
         For each effect that is not an event, the change of its strength from the beginning to the end of the fitted
-        data.
+        data, in a fit that lets the strength vary.
     """
 
     holds: bool
@@ -269,29 +272,30 @@ class VerificationSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class AdviceSummary:
-    """Summary of the next experiment.
+    """Summary of the advice on the next experiment.
 
     Parameters
     ----------
     file : str or None
-        Name of the input's file; None if no input can distinguish the explanations.
+        Name of the file with the advised input; None if no input can distinguish the explanations.
     seconds : float or None
-        Length of the input, s.
+        Length of the input, s; None if there is no input.
     confusion_before, confusion_after : float or None
-        Probability of preferring a wrong explanation, before and after the experiment.
+        Probability that the nearest wrong explanation fits better than the true one, before and after the experiment,
+        averaged over the explanations. `confusion_after` is None if there is no input.
     waveform : str or None
-        Description of the input.
+        Description of the input; None if there is no input.
     added_mass_g : float or None
-        Mass to add to the load before the experiment, g.
+        Mass to add to the load before the experiment, g; None if none is needed.
     measure : str or None
-        Signal that would distinguish the explanations that the input cannot.
+        Signal to measure in addition, if the input alone cannot distinguish all explanations.
     undecided : tuple of str or None
         Explanations that the input cannot distinguish from at least one other explanation.
     log_odds : float or None
         Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after an
-        experiment with the best waveform but without a further reading.
+        experiment with the best waveform and no additional reading.
     readings : tuple of PricedReading
-        How well each further reading would distinguish the explanations, the best first.
+        Additional readings that the rig could have, the most informative first.
     """
 
     file: str | None
@@ -328,20 +332,20 @@ class TermSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class FreeFormSummary:
-    """Summary of a free form, which describes the mismatch without physics.
+    """Summary of a free form: a force without a physical name that is estimated from the data.
 
     Parameters
     ----------
     place : str
-        Place at which the free form enters the plant.
+        Place of the plant at which the force acts.
     signal : str or None
-        Signal to which the free form is added.
+        Signal of the plant to which the force is added.
     terms : tuple of TermSummary
-        Terms, the one with the largest contribution first; SI.
+        Terms of the force, the one with the largest contribution first; SI.
     before, after : float
-        Rms error on held-out data, without and with the free form, in the unit of the diagnosis.
+        Rms error on held-out data, without and with the free form, in the unit of `Diagnosis.output`.
     gain_low : float or None
-        Lower 95 % bound of the decrease of this error, in the unit of the diagnosis.
+        Lower 95 % bound of the decrease of the error from `before` to `after`, in the same unit.
     """
 
     place: str
@@ -361,14 +365,15 @@ class UnseenErrors(Errors):
 
 @dataclass(frozen=True, kw_only=True)
 class FitSummary:
-    """Residuals of the first reading, for the calibrated base plant and for the amended plant.
+    """Rms residuals of the first reading, without and with the causes, in the unit of `Diagnosis.output`.
 
     Parameters
     ----------
     fitted : Errors
         Rms residuals on fitted data.
     unseen : UnseenErrors
-        Rms residuals on held-out data; the lower bound of their decrease is computed from all readings.
+        Rms residuals on held-out data, with the lower 95 % bound of their decrease. All readings together give this
+        bound.
     """
 
     fitted: Errors

@@ -60,12 +60,12 @@ def say(diagnosis: Diagnosis) -> str:
     Parameters
     ----------
     diagnosis : Diagnosis
-        Diagnosis to describe; its field `sentence` is ignored.
+        Diagnosis to describe. Its field `sentence` is ignored.
 
     Returns
     -------
     str
-        Sentences that claim no more than the verdict allows, the finding first.
+        Several sentences, the finding first.
     """
     said = " ".join(f"{_first_up(one)}." for one in _SENTENCES[diagnosis.verdict](diagnosis) if one)
     first, level, rest = said.partition(_LEVEL)

@@ -82,19 +82,21 @@ class _Found(Protocol[_Summary]):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """Finished step of a diagnosis. Its result is not a verdict: later steps may overrule it.
+    """Finished step of a diagnosis. Its result is preliminary: later steps may overrule it.
 
     Parameters
     ----------
     name : str
-        ``gate``, ``base``, ``detect``, ``locate``, ``fit``, ``verify``, ``advise`` or ``discover``.
+        ``gate`` (check of the recordings), ``base`` (calibration), ``detect``, ``locate``, ``fit`` (of one candidate),
+        ``verify``, ``advise`` or ``discover``.
     result : GateSummary, FittedPlant, DetectionSummary, LocationSummary, VerificationSummary, AdviceSummary or \
 FreeFormSummary
-        Result of the step; amplitudes in the unit that the diagnosis reports.
+        Result of the step, with amplitudes in the unit of `Diagnosis.output`.
     subject : str
-        What was fitted, if the step is a fit. A later step with the same name and subject replaces this one.
+        Effects and rig variant of the candidate, if the step is ``fit``; else empty. A later step with the same name
+        and subject replaces this one.
     model : CalibratedPlant or None
-        Calibrated base plant, if the step is ``base``.
+        Calibrated base plant, if the step is ``base``; else None.
     """
 
     name: str

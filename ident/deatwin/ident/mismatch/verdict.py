@@ -14,7 +14,14 @@ NOTHING = 1e-3
 
 
 class Verdict(Enum):
-    """Conclusion of a diagnosis; `advice` says what to do next."""
+    """Conclusion of a diagnosis.
+
+    ``NONE``: the recordings show no missing physics. ``PARAMETERS``: only parameters were wrong. ``NAMED``: one
+    explanation was found. ``AMBIGUOUS``: several explanations remain possible. ``PARTLY``: the effects that were found
+    explain only a part of the mismatch. ``UNKNOWN``: no effect of the catalogue explains the mismatch. ``DISTURBANCE``:
+    the mismatch does not come from the plant. ``DATA_FAULT``: the recordings are faulty. ``NOT_TESTABLE``: the
+    recordings could not show a mismatch.
+    """
 
     NONE = "none"
     PARAMETERS = "parameters"
@@ -33,7 +40,7 @@ class Verdict(Enum):
 
     @property
     def has_causes(self) -> bool:
-        """True if effects are built into the amended plant."""
+        """True if the diagnosis reports effects as causes."""
         return self in (Verdict.NAMED, Verdict.AMBIGUOUS, Verdict.PARTLY)
 
 
@@ -70,7 +77,7 @@ class Interval:
     Parameters
     ----------
     value, low, high : float
-        Estimate and 95 % interval, SI.
+        Estimate, and lower and upper end of its 95 % interval, SI.
     unit : str
         SI unit.
     """
@@ -82,9 +89,9 @@ class Interval:
 
     @property
     def shown(self) -> Shown:
-        """The interval, rounded for a reader.
+        """The same estimate and interval in a unit with a prefix, such as mm.
 
-        A value that is negligible compared with its interval about zero is shown as 0.
+        The estimate is shown as 0 if the interval contains zero and the estimate is below a thousandth of its width.
         """
         nothing = self.low <= 0.0 <= self.high and abs(self.value) < NOTHING * (self.high - self.low)
         value = 0.0 if nothing else self.value
@@ -99,7 +106,7 @@ class FittedParameter(Interval):
     Parameters
     ----------
     value, low, high : float
-        Estimate and 95 % interval, SI.
+        Estimate, and lower and upper end of its 95 % interval, SI.
     unit : str
         SI unit.
     nominal : float or None
@@ -107,7 +114,7 @@ class FittedParameter(Interval):
     at_bound : bool
         True if the estimate lies on a bound of its range.
     undetermined : bool
-        True if the interval is the whole allowed range: the recordings do not determine the parameter.
+        True if the recordings do not determine the parameter: its interval is then the whole allowed range.
     """
 
     nominal: float | None = None
@@ -124,17 +131,18 @@ class Cause:
     effect, family : str
         Canonical names of the effect and of its family.
     probability : float
-        Probability, among the explanations compared, that this effect is present, less a margin for causes that were
-        not tried.
+        Probability that this effect is present, at most 0.95: the remaining 5 % are reserved for causes that were not
+        tried.
     share_explained : float
-        Share of the mismatch's energy that the effect explains, from 0 to 1.
+        Share of the mismatch's power that the effect explains, from 0 to 1.
     parameters : mapping of str to Interval
         Parameters of the effect.
     place : str or None
-        Place at which the effect acts; None if the effect has only one place, or the recordings cannot decide.
+        Place of the plant at which the effect acts. None if the effect has only one place, or if the recordings do not
+        decide between several places.
     places : tuple of str or None
-        Places at which the effect may act, if the recordings cannot decide; the first is the place in the amended
-        plant.
+        Places at which the effect may act, if the recordings do not decide between them. The first one is used in
+        `Diagnosis.model`.
     """
 
     effect: str
@@ -155,7 +163,7 @@ class Explanation:
     effects : tuple of str
         Canonical names of its effects; empty for the plant without effects.
     probability : float
-        Probability, among the explanations compared, that these effects and no others are present, less a margin for
+        Probability that these effects and no others are present, at most 0.95: the remaining 5 % are reserved for
         causes that were not tried.
     """
 
@@ -165,7 +173,7 @@ class Explanation:
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateSummary:
-    """Summary of an explanation that was tried.
+    """Summary of a candidate that was tried.
 
     Parameters
     ----------
@@ -174,7 +182,7 @@ class CandidateSummary:
     fitted, unseen : float
         Rms residuals on fitted and on held-out data, SI.
     d2 : float or None
-        Squared distance d² from the chosen explanation for these recordings (`Distance`); None if it was not computed.
+        Squared distance d² from the best explanation (`Distance`); None if it was not computed.
     """
 
     effects: tuple[str, ...]

@@ -24,7 +24,7 @@ a slow residual to give its size and memory."""
 
 
 def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Split each recording into a beginning for the fit and an end that tests the model.
+    """Split each recording into a beginning to which a model is fitted, and an end on which the model is tested.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Rec
     Raises
     ------
     ModelError
-        If a recording is too short, or the share is not between 0 and 1.
+        If a recording has fewer than 10 samples, or `share` is not between 0 and 1.
     """
     probability(share, "share")
     whole = flatten(recordings)
@@ -57,31 +57,29 @@ def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Rec
 def assessed(
     model: NarxModel, recordings: Recordings, held_out: Recordings, *, reliance: Reliance | None = None
 ) -> NarxModel:
-    """Return a copy of the model whose provenance holds an assessment, as `deatwin identify` saves it.
+    """Return a copy of a model with an assessment of its reliability, as `deatwin identify` saves it.
 
-    The assessment consists of the frequency bands that the input excited, the rms and correlation time of the free-run
-    residual and, on held-out data, the results of the residual tests and the relative error of the free run's gain. The
-    commands `frequency` and `check` read this assessment.
+    The assessment contains the frequency bands that the input excited, and the rms and correlation time of the free-run
+    residual. For held-out data, it contains the results of the residual tests and the gain error. The gain error is the
+    slope of a regression of the free-run residual on the simulated output. All of these are stored as entries of
+    ``provenance``, which the commands `frequency` and `check` read.
 
     Parameters
     ----------
     model : NarxModel
         Fitted model with one output.
     recordings : Recording, Experiment, or several
-        All recordings of the plant, both those used for the fit and the held-out parts.
+        All recordings of the plant, including their held-out parts.
     held_out : Recording, Experiment, or several
-        The parts that were not used for the fit; see `hold_out`.
+        The parts to which the model was not fitted; see `hold_out`.
     reliance : Reliance, optional
-        Assessment on the held-out parts; computed if omitted.
+        Results of the tests on the held-out parts; computed if omitted.
 
     Returns
     -------
     NarxModel
-        Copy of the model with the assessment added to its provenance.
-
-    Notes
-    -----
-    The excited band is left out if every input is constant, a ramp, or shorter than 64 samples.
+        Copy of the model with the assessment added to its provenance. The excited bands are missing if the first input
+        of every recording is constant, a ramp, or shorter than 64 samples.
     """
     require_model(model)
     whole, unseen = flatten(recordings), flatten(held_out)

@@ -45,10 +45,13 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Estimator of given terms, for `Frols` and `Fixed`: least squares, by QR of the normalised regressors."""
+    """Least-squares estimator of the parameters of given terms, by QR decomposition. For `Frols` and `Fixed`."""
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
-        """Estimate; ``theta_cov`` is ``s^2 (P'P)^-1``. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
+        """Return the estimate for the regressors `rows` (n_terms, n_samples) and the output `target` (n_samples,).
+
+        ``theta_cov`` is ``s^2 (P'P)^-1``, with the residual variance s^2 and the regressors P as columns.
+        """
         n_terms, n = rows.shape
         if n <= n_terms:
             raise ModelError(f"{n} samples do not determine {n_terms} parameters and the noise")
@@ -110,18 +113,18 @@ class Centred:
 
 @dataclass(frozen=True)
 class TotalLeastSquares:
-    """Estimator of given terms by total least squares, for equal errors in regressors and output.
+    """Total-least-squares estimator of the parameters of given terms, for errors in the regressors and in the output.
 
-    The errors are assumed independent and of equal variance. The estimate theta is the vector for which ``P theta = y``
-    holds after the smallest change of the regressors P and the output y; it follows from the singular value
-    decomposition of [P y]. A constant regressor is taken as exact. With n samples and the variance s^2 of each single
-    error, ``noise_variance`` is the variance ``(1 + |theta|^2) s^2`` of the equation's error, and ``theta_cov`` is the
-    first-order approximation ``(1 + |theta|^2) s^2 (P'P - n s^2)^-1``. The assumption holds only roughly for a NARX
-    model: its regressors share lagged signals, and products scale the errors.
+    All errors are assumed to be independent and to have the same variance s^2; a constant regressor has no error. The
+    estimate theta satisfies ``P theta = y`` after the smallest change of the regressors P and the output y. It follows
+    from the singular value decomposition of [P y]. ``noise_variance`` is ``(1 + |theta|^2) s^2``, the variance of
+    ``y - P theta``. For n samples, ``theta_cov`` is the first-order approximation
+    ``(1 + |theta|^2) s^2 (P'P - n s^2)^-1``.
 
-    Identifiers pass scaled regressors: each signal is divided by the power of two just above its largest magnitude. The
-    errors are then assumed equal relative to these divisors, not in the signals' units. If the errors are equal in the
-    units, call the estimator with unscaled regressors, as returned by `TermTable.rows`.
+    For a NARX model, the assumption holds only roughly: its regressors share lagged signals, and products of signals
+    scale the errors. Identifiers such as `Frols` also divide each signal by the power of two above its largest
+    magnitude, so the errors are assumed to be equal after this division. If the errors are equal in physical units,
+    call the estimator with unscaled regressors, as returned by `TermTable.rows`.
 
     References
     ----------
@@ -131,7 +134,7 @@ class TotalLeastSquares:
     """
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
-        """Estimate. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
+        """Return the estimate for the regressors `rows` (n_terms, n_samples) and the output `target` (n_samples,)."""
         centred = Centred.of(rows, target)
         n_terms, n = centred.rows.shape
         if centred.freedom <= n_terms:

@@ -38,17 +38,17 @@ Band = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Excitation:
-    """The frequencies that a recording excited.
+    """Frequency bands that the input of a recording excited.
 
     Parameters
     ----------
     bands : tuple of (float, float)
-        Lowest and highest frequency of each band in Hz, in rising order and without overlap; at least one band.
+        Lowest and highest frequency of each band, Hz, in ascending order and without overlap; at least one band.
 
     Raises
     ------
     ModelError
-        If there is no band, or the bands overlap or are not in rising order.
+        If there is no band, or the bands overlap or are not in ascending order.
     """
 
     bands: tuple[Band, ...]
@@ -60,17 +60,17 @@ class Excitation:
 
     @property
     def highest_Hz(self) -> float:
-        """Upper end of the last band in Hz."""
+        """Highest excited frequency, Hz: the upper end of the last band."""
         return self.bands[-1][1]
 
     @property
     def holes(self) -> tuple[Band, ...]:
-        """Gaps below and between the bands, in Hz."""
+        """Gaps below the first band and between bands, Hz."""
         ends = (0.0, *(high for _, high in self.bands))
         return tuple((end, low) for end, (low, _) in zip(ends, self.bands, strict=False) if low > end)
 
     def hole_at(self, frequency_Hz: float) -> Band | None:
-        """Return the gap between excited bands, Hz, in which `frequency_Hz` lies; None in a band or above all."""
+        """Return the gap, Hz, in which `frequency_Hz` lies; None if it lies in a band or above all bands."""
         return next(((low, high) for low, high in self.holes if low < frequency_Hz < high), None)
 
     @property
@@ -82,7 +82,7 @@ class Excitation:
 
     @classmethod
     def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
-        """Read the excitation from a model's `provenance`, or None; ModelError if its band or holes make no sense."""
+        """Read the excitation from a model's `provenance`; None if absent, ModelError if it is invalid."""
         if (band := number_of(provenance, BAND_KEY)) is None:
             return None
         if band <= 0.0:
@@ -114,17 +114,17 @@ class Excitation:
 
 
 def excited_band(recording: Recording) -> float:
-    """Return the frequency below which a recording's input has 99 % of its power.
+    """Return the frequency below which the input of a recording has 99 % of its power.
 
     Parameters
     ----------
     recording : Recording
-        Recording whose first input is analysed, without its mean and trend.
+        Recording whose first input is analysed. Its mean and its linear trend are removed first.
 
     Returns
     -------
     float
-        Frequency in Hz.
+        Frequency, Hz.
 
     Raises
     ------
@@ -135,16 +135,16 @@ def excited_band(recording: Recording) -> float:
 
 
 def excitation(recording: Recording) -> Excitation:
-    """Find the frequency bands up to `excited_band` in which a recording's input has power.
+    """Find the frequency bands in which the input of a recording has power.
 
-    A spectral line counts as excited if it has more than a thousandth of the power that each line would have in an even
-    spectrum. An excited line covers a sixth of an octave or a tenth of the whole band, whichever is wider, on either
-    side.
+    The highest frequency is that of `excited_band`. A spectral line below this frequency counts as excited if its power
+    is at least a thousandth of the mean power of these lines. On either side, an excited line covers a sixth of an
+    octave, or a tenth of the highest frequency if this is wider. Lines whose ranges overlap form one band.
 
     Parameters
     ----------
     recording : Recording
-        Recording whose first input is analysed, without its mean and trend.
+        Recording whose first input is analysed. Its mean and its linear trend are removed first.
 
     Raises
     ------

@@ -78,8 +78,8 @@ def narx_source(
 ) -> SampledSource:
     """Write a model as C source that computes one sample of `NarxModel.simulate` per call.
 
-    The C function ``narx_step`` takes u(k) and returns y(k). To start from measured past values, write them into
-    ``state.y`` and ``state.u`` after ``narx_init``.
+    The C function ``narx_step`` takes the input u(k) and computes the output y(k). To start the run from measured
+    values, write these into ``state.y`` and ``state.u`` after the call of ``narx_init``.
 
     Parameters
     ----------
@@ -88,14 +88,14 @@ def narx_source(
     name : str
         Prefix of all names in the source.
     rest_input : array_like, shape (n_inputs,), optional
-        Inputs before the first sample, in their units; defaults to the model's origin.
+        Inputs before the first sample, in their units; by default the model's ``input_origin``.
     rest_output : array_like, shape (n_outputs,), optional
-        Outputs before the first sample, in their units; defaults to the model's origin.
+        Outputs before the first sample, in their units; by default the model's ``output_origin``.
 
     Raises
     ------
     ModelError
-        If the name is not a C identifier, the rest values do not fit the model's signals, or the model has only noise
+        If `name` is not a C identifier, `rest_input` or `rest_output` has the wrong shape, or the model has only noise
         terms.
     """
     require_identifier(name)

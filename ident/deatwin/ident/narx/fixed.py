@@ -21,20 +21,19 @@ class Fixed(NarxIdentifier):
     Parameters
     ----------
     terms : NarxModel, sequence of Term or str, or mapping of str to such sequences
-        Terms to fit: a model such as ``other.model_``, whose terms contain the signals minus the model's origins, or a
-        list such as ``["y(k-1)", "u(k-1)^2"]``, whose terms contain the signals themselves. For several outputs, give
-        the list of each equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``. Signals are named as in the
-        recordings, for example ``"voltage(k-1)*temperature(k-2)"``, or by position as y, u (y1, y2, u1, u2, ... if
-        there are several); a name in the recordings takes precedence.
+        Terms to fit: a list such as ``["y(k-1)", "u(k-1)^2"]``, or a model, whose terms and origins are used. For
+        several outputs, give the list of each equation: ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``. Signals
+        have their names in the recordings, for example ``"voltage(k-1)*temperature(k-2)"``. They may also be called y
+        and u, or y1, y2, u1, u2, ... if there are several; a name in the recordings takes precedence.
     estimator : callable
-        Estimator of the parameters; see `deatwin.ident.narx.estimate`.
+        Estimator of the parameters: `LeastSquares`, `TotalLeastSquares`, or another function with the same arguments.
 
     Attributes
     ----------
     model_ : NarxModel
-        Fitted model in physical units, with the terms in the order given.
+        Fitted model, in physical units, with the terms in the order given.
     estimate_ : Estimate
-        Estimator's result for the scaled regression.
+        Result of `estimator`, for regressors and an output that are scaled by powers of two.
 
     Examples
     --------

@@ -26,56 +26,57 @@ _KNOWN = (*CRITERIA, "free_run", "none")
 class Frols(CandidateSearch):
     """Choose terms one by one, each time the term that explains most of the unexplained output (FROLS).
 
-    The error reduction ratio of a candidate is ``(w'y)^2 / (w'w y'y)``, where y is the output and w is the candidate's
-    regressor, orthogonalised against the regressors of the chosen terms. Terms are added up to ``max_terms``; a
-    criterion chooses how many of them are kept, and their parameters are then estimated, by least squares (QR) unless
-    another estimator is given.
+    The error reduction ratio of a candidate term is ``(w'y)^2 / (w'w y'y)``. Here y is the output, and w is the
+    candidate's regressor, orthogonalised against the regressors of the terms chosen before. Terms are added up to
+    ``max_terms``. A criterion then decides how many of them are kept, and the parameters of these are estimated.
 
     Parameters
     ----------
     output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
-        Lags in samples: a number n for 1..n, or a list of lags (an input lag may be 0). One value applies to every
-        channel; for each channel separately, give them in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1,
-        2], "w": [4, 5]}``.
+        Lags in samples: a number n for 1..n, or a list of lags. An input lag may be 0. One value applies to all
+        channels. Separate values are given in the order of the channels, as ``[[1, 2], [4, 5]]``, or by name, as
+        ``{"u": [1, 2], "w": [4, 5]}``.
     degree : int
-        Largest degree of a candidate.
+        Largest degree of a candidate term.
     functions : sequence of str
-        Functions of lagged signals that candidates may contain besides the lagged signals, as
-        ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see `register_function`. A candidate contains each of them at most once.
+        Functions of lagged signals that may be factors of candidate terms, as ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see
+        `register_function`. A term contains each function at most once.
     rule : callable, optional
-        Function of a `Term` that returns True if the term is a candidate; see `deatwin.ident.narx.rules`.
+        Function that takes a `Term` and returns True if the term may be a candidate.
     max_terms : int
         Largest number of terms.
     criterion : str
-        Criterion that chooses the number of terms. With n samples, k terms, p candidates and mean squared residual s:
+        Criterion whose minimum decides the number of terms. With n samples, k terms, p candidates and the mean squared
+        residual s, it is:
 
-        - "ebic", ``n ln s + k ln n + 2 ln C(p, k)`` with the number C(p, k) of models of k terms: the extended Bayesian
-          criterion, which avoids false terms even among many candidates;
-        - "bic" and "aic", ``n ln s + k ln n`` and ``n ln s + 2 k``: these ignore the number of candidates, and keep
-          false terms if there are hundreds of candidates;
-        - "free_run": mean squared free-run error over the held-out samples; terms are chosen on the other samples,
-          parameters estimated on all;
-        - "none": ``max_terms`` terms are kept.
+        - "ebic", ``n ln s + k ln n + 2 ln C(p, k)`` with the binomial coefficient C(p, k): the extended Bayesian
+          information criterion, which avoids false terms even among many candidates;
+        - "bic", ``n ln s + k ln n``, or "aic", ``n ln s + 2 k``: these ignore the number of candidates, and keep false
+          terms if there are hundreds of candidates;
+        - "free_run", the mean squared free-run error on the held-out samples;
+        - "none": no criterion, all ``max_terms`` terms are kept.
     held_out : float
-        Share of each recording, at its end, that is held out; used by "free_run" only.
+        Share of each recording, at its end, that is held out, for "free_run" only. Terms are then chosen on the other
+        samples; the parameters of the kept terms are estimated on all samples.
     estimator : callable
-        Estimator of the chosen terms' parameters; see `deatwin.ident.narx.estimate`.
+        Estimator of the parameters; least squares by default. Another one is for example `TotalLeastSquares`.
 
     Attributes
     ----------
     model_ : NarxModel
-        The identified model, in physical units; with least squares, ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the
+        The identified model, in physical units. With least squares, ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the
         residual variance sigma^2 and the regressors P.
     terms_ : tuple of Term
         Terms of the model, in the order in which they were chosen.
     err_ : ndarray, shape (n_terms,)
-        Error reduction ratio of each term, dimensionless; their sum is the explained share of y'y.
+        Error reduction ratio of each term, dimensionless. The sum of all ratios is the explained share of y'y.
     path_ : tuple of Term
-        All terms that were tried, in order.
+        All terms that were added, in the order in which they were chosen. The first ones are ``terms_``.
     path_err_ : ndarray, shape (n_path,)
         Error reduction ratio of each term of ``path_``.
     criterion_ : ndarray, shape (n_path,)
-        Criterion after each term of ``path_``; empty for "none". In squares of the output's unit for "free_run".
+        Value of the criterion with the first 1, 2, ... terms of ``path_``; empty for "none". For "free_run" in the
+        square of the output's unit.
 
     References
     ----------

@@ -32,19 +32,18 @@ _SEARCH = 0.9
 class Grow(CandidateSearch):
     """Choose the terms of a NARX model by its free-run error: grow a linear model term by term, then prune it.
 
-    The start is the linear model of second order by least squares. The candidate that lowers the free-run error most,
-    to first order, is added, and all parameters are refined to the least free-run error, until the model has
-    1.5 times as many terms as allowed. Terms are then removed one by one, always the one that raises the error least.
-    Among all these models with at most ``max_terms`` terms, the one with the smallest free-run error on
-    held-out samples is kept and refined on all samples.
+    The search starts from a linear model of second order. In each step, it adds the term that lowers the free-run error
+    most, to first order, and then minimises this error over all parameters. It continues until the model has 1.5 times
+    ``max_terms`` terms. Terms are then removed one by one, always the one whose removal raises the error least. Of all
+    models on this path with at most ``max_terms`` terms, the one with the smallest free-run error on the held-out
+    samples is chosen. Its parameters are then estimated on all samples.
 
-    The parameters are those of an output-error model: they are unbiased if the noise is on the readings; least squares
-    on the one-step error is biased in this case. If the noise acts on the plant itself, the one-step methods (`Frols`,
-    `SvbNarx`) are more efficient.
+    The parameters are unbiased if the noise is added to the readings, as in an output-error model. If the noise acts on
+    the plant itself, methods that minimise the one-step error (`Frols`, `SvbNarx`) have a smaller variance.
 
     The confidence intervals of the parameters do not include the uncertainty of the choice of terms. In 100
     simulations of systems with ``|u|`` and with a saturation, the 95 % intervals contained 96 % of the true values if
-    the terms were found exactly, else 86 %, because a further term took over a part of the contribution of true terms.
+    exactly the true terms were found, and 86 % otherwise.
 
     Parameters
     ----------
@@ -53,30 +52,29 @@ class Grow(CandidateSearch):
     max_terms : int
         Largest number of terms.
     held_out : float
-        Share of each recording, at its end, that chooses the number of terms.
+        Share of each recording, at its end, on which the models are compared.
     parts : int
-        Number of parts into which each recording is cut. A structure is grown on each part and refined on all
-        recordings; the one with the smallest free-run error on all recordings is kept. Because the parts are shorter,
-        several structures take no more time than one.
+        Number of parts into which each recording is cut. A model is grown on each part, and its parameters are then
+        estimated on all recordings. The model with the smallest free-run error on all recordings is kept. Because the
+        parts are shorter, this takes no longer than growing one model on the whole recordings.
 
     Attributes
     ----------
     model_ : NarxModel
-        The identified model, in physical units. ``theta_cov`` is that of an output-error estimate whose free-run error
-        may be correlated in time: ``(S'S)^-1 S'RS (S'S)^-1`` with the sensitivities S of the free run and the
-        covariance R of its error, from an autoregressive model. It does not include the uncertainty of the choice of
-        terms. After Ctrl-C, the error is assumed to be white, as in `refine`.
+        The identified model, in physical units. ``theta_cov`` is ``(S'S)^-1 S'RS (S'S)^-1`` with the sensitivities S of
+        the free run to the parameters and the covariance R of the free-run error. An autoregressive model of this error
+        gives R. After Ctrl-C, R is that of white noise.
     terms_ : tuple of Term
         Terms of the model.
     status_ : FitStatus
         Outcome of the search; ``NOT_CONVERGED`` if the gradient of the free-run error is not small at its end.
     path_ : tuple of GrowStep
-        Steps of the growth and of the pruning, on the part whose structure was kept.
+        Steps of the growth and of the pruning, for the part whose model was kept.
 
     Notes
     -----
-    With several outputs, the other outputs are taken as measured while the terms of one equation are chosen and
-    estimated, as in `Semp`.
+    With several outputs, the model of each output is found separately, with the measured values of the other outputs as
+    its inputs.
 
     References
     ----------

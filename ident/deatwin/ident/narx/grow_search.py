@@ -29,21 +29,20 @@ _ROUNDING = 1e-12  # share of the output below which errors, of exact recordings
 
 @dataclass(frozen=True, kw_only=True)
 class GrowStep:
-    """One step of `Grow`: its model, and the terms that were added and removed.
+    """Model after one step of `Grow`, and the terms that this step added or removed.
 
     Parameters
     ----------
     added : tuple of Term
-        Terms added in this step; those of the linear model in the first step.
+        Terms added in this step. In the first step, all terms of the linear model.
     pruned : tuple of Term
         Terms removed in this step.
     terms : tuple of Term
-        Terms of the model.
+        Terms of the model after this step.
     error : float
-        Root mean square of the free-run error on the samples on which the structure was grown, in the output's unit.
+        Rms free-run error on the samples that are not held out, in the output's unit; infinite if the run diverges.
     held_out_error : float
-        Root mean square of the free-run error on the held-out samples, in the output's unit; infinite if the run
-        diverges.
+        Rms free-run error on the held-out samples, in the output's unit; infinite if the run diverges.
     """
 
     added: tuple[Term, ...]

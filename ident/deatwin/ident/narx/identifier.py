@@ -28,10 +28,10 @@ Progress = Callable[[float, str], None]  # Called with the completed share, 0 to
 class FitStatus(Enum):
     """Outcome of a fit. The value of each member is a message for the user.
 
-    Estimators that search for the least error by its gradient (`Grow`, `OutputError`, `Armax`, `BoxJenkins`, `Pnlss`,
-    `Cascade`) end ``DONE`` only if the gradient is small: a further Gauss-Newton step would move the parameters by less
-    than a twentieth of their standard deviations (relative offset of Bates and Watts, 1981), or the fit is exact. The
-    minimum may be a local one; compare its error with the error of a linear model.
+    Estimators that minimise an error by its gradient (`Grow`, `OutputError`, `Armax`, `BoxJenkins`, `Pnlss`, `Cascade`)
+    end with ``DONE`` only if the gradient is small. A further Gauss-Newton step would then change the parameters by
+    less than a twentieth of their standard deviations (relative offset of Bates and Watts, 1981). The minimum may still
+    be a local one.
     """
 
     DONE = "done"
@@ -61,7 +61,7 @@ class Identifier:
         return [name for name in inspect.signature(cls.__init__).parameters if name != "self"]
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the arguments by name; `deep` adds those of estimators among them, as ``process__degree``."""
+        """Return the arguments by name. `deep` adds the arguments of nested estimators, as ``process__degree``."""
         own = {name: getattr(self, name) for name in self._names()}
         if not deep:
             return own
@@ -69,7 +69,7 @@ class Identifier:
         return own | {f"{name}__{key}": value for name, held in inner.items() for key, value in held.items()}
 
     def set_params(self, **params: Any) -> Self:
-        """Set arguments by name, nested ones as ``process__degree=3``; ModelError if there is no such argument."""
+        """Set arguments by name, those of nested estimators as ``process__degree=3``; ModelError for unknown names."""
         inner: dict[str, dict[str, Any]] = {}
         for name in params:
             outer, double, key = name.partition("__")
@@ -102,25 +102,25 @@ class Identifier:
         return rebuilt, (own_functions(repr(self)), copyreg.__newobj__, (type(self),)), vars(self)  # type: ignore[attr-defined]
 
     def score(self, recordings: Recordings, y: None = None) -> float:
-        """Return how well free runs of the fitted model agree with recordings: 1 is perfect, their mean gives 0.
+        """Return the coefficient of determination of free runs of the fitted model over recordings.
 
         Parameters
         ----------
         recordings : Recording, Experiment, or several
             Recordings in the model's units.
         y : None
-            Part of scikit-learn's contract; the outputs are those of the recordings.
+            Argument of scikit-learn's interface, which is not used: the recordings contain the outputs.
 
         Returns
         -------
         float
-            Coefficient of determination of the computed samples of all recordings together, the mean of the outputs:
-            ``1 - sum (y - yhat)^2 / sum (y - mean y)^2``; minus infinity where a free run diverges.
+            ``1 - sum (y - yhat)^2 / sum (y - mean y)^2``, summed over the computed samples of all recordings. With
+            several outputs, the mean of their values. Minus infinity if a free run diverges.
 
         Raises
         ------
         ModelError
-            If nothing was fitted, the recordings do not suit the model, or an output is constant.
+            If the estimator is not fitted, the recordings do not suit the model, or an output is constant.
         """
         if not hasattr(self, "model_"):
             raise ModelError(f"this {type(self).__name__} is not fitted; call fit first")
@@ -152,13 +152,17 @@ class Identifier:
 
 
 class NarxIdentifier(Identifier, ABC):
-    """Base class of the estimators of NARX models; follows scikit-learn's contract.
+    """Base class of the estimators of NARX models, which follow the conventions of scikit-learn.
 
-    Arguments are stored untouched under their names, learned attributes end in ``_``, and ``fit`` returns the
-    estimator. Estimators that choose terms subtract the mean from signals whose mean is larger than their variation,
-    because powers of such signals are nearly collinear. All these estimators except `Grow` then run a second time with
-    outputs relative to the model's state of rest, so that no constant term is needed. For recordings with several
-    outputs, a clone of the estimator learns each equation, from the lags of all outputs and inputs.
+    Arguments are stored unchanged under their names, attributes that a fit sets end in ``_``, and ``fit`` returns the
+    estimator.
+
+    Estimators that choose terms subtract the mean from a signal whose mean is larger than its variation, because powers
+    of such a signal are nearly collinear. If they have done so, all of them except `Grow` fit a second time, with the
+    equilibrium of the first model as the origin of the outputs, so that no constant term is needed.
+
+    For recordings with several outputs, a clone of the estimator fits the equation of each output. The terms of each
+    equation may contain all outputs and inputs.
 
     Attributes
     ----------
@@ -167,13 +171,13 @@ class NarxIdentifier(Identifier, ABC):
     status_ : FitStatus
         Outcome of the search.
     notes_ : tuple of str
-        Remarks on the fit, one sentence each; usually empty. Reasons are: the one-step error on the training data is
-        more than 1 % above that of least squares on the same terms, the plant reacts to an input later than the model's
-        largest lag of that input, or terms with products of several noisy outputs may describe the noise instead of the
-        plant.
+        Remarks on the fit, one sentence each; usually empty. There is a remark if the one-step error on the training
+        data is more than 1 % larger than that of least squares with the same terms. There is another one if the plant
+        responds to an input later than the model's largest lag of that input, and one if products of several noisy
+        outputs may describe the noise instead of the plant.
     equations_ : tuple of NarxIdentifier
-        Fitted estimator of each output if there are several, otherwise empty. With several outputs, the other learned
-        attributes belong to these estimators.
+        Fitted estimator of each output if there are several outputs, otherwise empty. Attributes that are not listed
+        here then belong to these estimators.
     """
 
     output_lags: Lags
@@ -190,15 +194,15 @@ class NarxIdentifier(Identifier, ABC):
     def fit(self, recordings: Recordings, y: None = None, *, progress: Progress | None = None) -> Self:
         """Choose terms and estimate their parameters.
 
-        Ctrl-C ends the search: the best model so far is kept, and ``status_`` says so. If there is no model yet,
-        KeyboardInterrupt is raised.
+        Ctrl-C ends the search and keeps the best model so far, with the status ``INTERRUPTED``. If there is no model
+        yet, it raises KeyboardInterrupt.
 
         Parameters
         ----------
         recordings : Recording, Experiment, or several
-            Training data with a common sample time; each recording starts from its own first lags.
+            Training data with a common sample time. The first samples of each recording serve as its lagged values.
         y : None
-            Part of scikit-learn's contract; the outputs are those of the recordings.
+            Argument of scikit-learn's interface, which must be None: the recordings contain the outputs.
         progress : callable, optional
             Called with the share done, between 0 and 1, and a description of the current step.
 

@@ -76,13 +76,13 @@ class LassoPath(Described):
 class Lasso(CandidateSearch):
     """Choose the terms of a NARX model by the LASSO and by the free-run error on held-out samples.
 
-    Each recording is split. On the beginnings the regressors are standardised and the LASSO path is followed from the
-    largest penalty down (least angle regression, scikit-learn). The set of terms at each knot, with and without the
-    constant, is refitted by least squares, which removes the bias of the penalty. The model is the set of terms with
-    the smallest mean squared free-run error over the ends; its parameters are then estimated on all samples.
+    Each recording is split into a beginning and a held-out end. On the beginnings, the regressors are standardised, and
+    the LASSO path is computed from the largest penalty down (least angle regression). Each set of terms on the path,
+    with and without a constant term, is refitted by least squares, which removes the bias of the penalty. The set with
+    the smallest mean squared free-run error on the ends is chosen. Its parameters are then estimated on all samples.
 
-    If regressors are correlated, false terms may enter the path before all true terms have entered it, so that the true
-    structure is not on the path.
+    If regressors are correlated, false terms may enter the path before all true terms have entered. The set of true
+    terms is then not on the path.
 
     Parameters
     ----------
@@ -96,12 +96,13 @@ class Lasso(CandidateSearch):
     Attributes
     ----------
     model_ : NarxModel
-        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the residual variance
+        The identified model, in physical units. ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the residual variance
         sigma^2 and the regressors P.
     terms_ : tuple of Term
         Terms of the model.
     path_ : LassoPath
-        LASSO path with the free-run error of each knot.
+        LASSO path, with the rms free-run error on held-out samples at each knot. A term enters or leaves the path at a
+        knot.
 
     References
     ----------

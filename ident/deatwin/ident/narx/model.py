@@ -40,44 +40,42 @@ def _variance_unit(model: NarxModel) -> str:
 class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fields_of):
     """Polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), with one or several outputs.
 
-    In the terms, y and u are the signals minus their origins. Without origins, powers of a signal whose mean is large
-    compared with its variation would be nearly collinear, and their parameters inaccurate. The inputs and outputs of
-    all methods are the signals themselves, without the subtraction of the origins.
+    In the terms, y and u are the signals minus their origins. The arguments and results of all methods are the signals
+    themselves.
 
-    Terms may contain the noise e(k-l) of earlier samples (NARMAX). With several outputs each term belongs to the
+    Terms may contain the noise e(k-l) of earlier samples (NARMAX). With several outputs, each term belongs to the
     equation of one output, and the equations are simulated together.
 
     Parameters
     ----------
     terms : tuple of Term
-        Terms of all equations; each prints like ``y(k-1)u(k-2)^2``.
+        Terms of all equations; a term is printed like ``y(k-1)u(k-2)^2``.
     theta : ndarray, shape (n_terms,)
-        Parameters in the units that follow from the signals.
+        Parameters, in the units that follow from those of the signals.
     theta_cov : ndarray, shape (n_terms, n_terms)
-        Covariance of the parameters, exactly symmetric.
+        Covariance of the parameters.
     theta_dof : float
-        Degrees of freedom of a Student-t posterior with that covariance: the squared scale of the t distribution is
-        ``theta_cov * (theta_dof - 2) / theta_dof``. Infinite for a normal distribution; the smallest over the outputs
-        if there are several.
+        Degrees of freedom of the parameters' posterior, if that is a Student-t distribution with the covariance
+        `theta_cov`. Infinite for a normal distribution. With several outputs, the smallest of their values.
     noise_variance : float, or ndarray of shape (n_outputs,) with several outputs
         Variance of e(k), square of the output's unit.
     sample_time : float
-        Sampling interval in s.
+        Sample time, s.
     equations : tuple of int
-        For each term, the index of the output whose equation contains the term; needed with several outputs only.
+        For each term, the index of the output whose equation contains the term. Needed only with several outputs.
     input_names, output_names, input_units, output_units : tuple of str
         Names and units of the signals.
     input_origin, output_origin : ndarray, shapes (n_inputs,) and (n_outputs,)
-        Values of the signals, in their units, at which y and u of the terms are 0; defaults to zeros.
+        Origins, which are subtracted from the inputs and outputs, in their units. By default zeros.
     operating : OperatingRange or None
         Ranges of the training data; None if unknown.
     provenance : mapping of str to str
-        Origin of the model, as free entries.
+        Origin of the model, in entries of any kind.
 
     Raises
     ------
     ModelError
-        If shapes, terms or values are inconsistent, or ``theta_cov`` is not symmetric positive semidefinite.
+        If shapes, terms or values are inconsistent, or `theta_cov` is not symmetric positive semidefinite.
 
     Examples
     --------
@@ -151,22 +149,22 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         Parameters
         ----------
         terms : mapping of str to float, or of str to such mappings
-            Parameter of each term, as ``{"y(k-1)": 0.6, "u(k-1)^2": 0.3}``; for several outputs one such mapping for
-            each, as ``{"y1": {"y1(k-1)": 0.6}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}}``. Signal names given in
-            ``details`` may be used too.
+            Parameter of each term, as ``{"y(k-1)": 0.6, "u(k-1)^2": 0.3}``. For several outputs, one such mapping for
+            each: ``{"y1": {"y1(k-1)": 0.6}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}}``. Terms may also contain signal
+            names that are given in `details`.
         sample_time : float
-            Sampling interval in s.
+            Sample time, s.
         theta_cov : array_like, shape (n_terms, n_terms), optional
             Covariance of the parameters; zero if omitted.
         noise_variance : float or array_like of shape (n_outputs,)
-            Variance of e(k), square of the output's unit; a single number applies to all outputs.
+            Variance of e(k), square of the output's unit. A single number applies to all outputs.
         **details
-            Further fields of the class: names, units, operating, provenance, theta_dof.
+            Other fields of `NarxModel`, such as ``input_names`` or ``operating``.
 
         Raises
         ------
         ModelError
-            If a term cannot be read, or for the reasons that the class gives.
+            If a term cannot be read, or for the reasons given for `NarxModel`.
         """
         names = {f"{side}_names": texts(details.get(f"{side}_names", ())) for side in ("input", "output")}
         written = by_equation(terms, names["output_names"])
@@ -193,8 +191,8 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         Parameters
         ----------
         models : sequence of NarxModel
-            Models of the outputs, in order; all name the same signals, and each has terms in the equation of its own
-            output only.
+            One model for each output, in the order of the outputs. All models have the same names of inputs and
+            outputs. Each model has terms only in the equation of its own output.
 
         Returns
         -------
@@ -204,7 +202,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         Raises
         ------
         ModelError
-            If the number of models differs from the number of outputs.
+            If there is not one model for each output, in the order of the outputs.
         """
         first = models[0]
         if any(set(model.equations) != {row} for row, model in enumerate(models)) or (len(models) != first.n_outputs):
@@ -232,7 +230,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
 
     @cached_property
     def deterministic(self) -> NarxModel:
-        """Model without its noise terms, as used in a free run; ModelError if it has no others."""
+        """Model without its noise terms, as used in a free run; ModelError if it has only noise terms."""
         kept = [m for m, term in enumerate(self.terms) if all(v.kind != "e" for v, _ in term.factors)]
         if len(kept) == len(self.terms):
             return self
@@ -257,35 +255,40 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         return text + origins(self) + (f"\n({shown.legend})" if shown.legend else "")
 
     def about_origin(self, inputs: Array, outputs: Array) -> tuple[Array, Array]:
-        """Return `inputs` (n_inputs, n) and `outputs` (n_outputs, n) minus their origins, as the terms hold them."""
+        """Return `inputs` (n_inputs, n) and `outputs` (n_outputs, n) minus their origins."""
         return inputs - self.input_origin[:, None], outputs - self.output_origin[:, None]
 
     def divergence_limit(self, outputs: Array) -> float:
-        """Return the distance from the origin, in their units, beyond which a free run over `outputs` has diverged."""
+        """Return the distance from ``output_origin`` beyond which a free run has diverged, in the outputs' units.
+
+        It is a multiple of the largest distance that the training data or `outputs`, shape (n_outputs, n), have from
+        the origin.
+        """
         return divergence_limit(self.operating, outputs, self.output_origin)
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict each sample from the measurements up to ``steps`` samples before it.
+        """Predict each output sample from the outputs that were measured at least `steps` samples before it.
 
         Parameters
         ----------
         recording : Recording
             Measured inputs and outputs, in the model's units.
         steps : int
-            Number of samples ahead. All inputs are used; the last ``steps - 1`` outputs before the predicted one are
-            themselves predictions, with zero noise.
+            Number of samples ahead. The ``steps - 1`` outputs before the predicted one are predictions themselves. All
+            inputs are the measured ones.
 
         Returns
         -------
         NarxResponse
-            Response with ``.outputs`` of shape (n_outputs, n); the samples before ``.first``, the largest lag plus
-            ``steps - 1``, are the measured ones. Noise in the terms is the one-step innovation, and 0 in the first
-            lags. If predictions several steps ahead diverge, ``.status`` says so.
+            Response with ``.outputs`` of shape (n_outputs, n). The samples before ``.first``, which is the largest lag
+            plus ``steps - 1``, are measured values. In noise terms, e is the one-step prediction error. At the first
+            samples, which have no prediction, and after the last measured output that is used, e is 0. ``.status``
+            tells whether predictions several steps ahead diverge.
 
         Raises
         ------
         ModelError
-            If the recording does not suit the model, or is too short for the steps.
+            If the recording does not suit the model, or is too short for `steps`.
         """
         first = self._check(recording)
         require_steps(steps, first, recording.n_samples)
@@ -313,24 +316,26 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         return response_over(recording, outputs, first, self.output_units, ResponseStatus.SOME_DIVERGED, when)
 
     def simulate(self, recording: Recording | ArrayLike, *, initial: ArrayLike | None = None) -> NarxResponse:
-        """Simulate in free run, from the inputs and the outputs before the first computed sample, with zero noise.
+        """Simulate the outputs from the inputs and from initial outputs, without noise (free run).
+
+        The initial outputs are `initial` if given, else the first ``table.max_lag`` outputs of a recording, else
+        ``output_origin``.
 
         Parameters
         ----------
         recording : Recording, or array_like of shape (n,) or (n_inputs, n)
-            Inputs in the model's units. The first ``table.max_lag`` outputs of a recording start the run, unless it has
-            none or ``initial`` is given.
+            Inputs in the model's units.
         initial : array_like, shape (m,) or (n_outputs, m), optional
-            Outputs that start the run, newest last: those of the first m samples or, if m is below ``table.max_lag``,
-            of the last m samples before the first computed one. m is at least the largest output lag. NaN after the
-            last known output is ignored. Without these and without recorded outputs, the run starts at `output_origin`.
+            Outputs at the first m samples, the newest last, where m is at least the largest output lag. If m is below
+            ``table.max_lag``, they are the outputs at the last m samples before the first computed one. NaN after the
+            last known output is ignored.
 
         Returns
         -------
         NarxResponse
-            Response with ``.outputs`` of shape (n_outputs, n), computed from ``.first`` on; ``.measured`` is NaN for
-            unknown outputs. If the run diverges, ``.status`` says so, ``.failed_at_s`` is the time, and the outputs
-            hold the last value from there on.
+            Response with ``.outputs`` of shape (n_outputs, n), which are computed from ``.first`` on. ``.measured`` is
+            NaN for unknown outputs. If the run diverges, ``.status`` is ``DIVERGED``, ``.failed_at_s`` is the time, and
+            the outputs keep their last value from then on.
 
         Raises
         ------

@@ -29,55 +29,56 @@ _KNOWN = (*CRITERIA, "none")
 
 @dataclass(eq=False, repr=False)
 class Narmax(NarxIdentifier):
-    """Add a noise model to a process model: y(k) = f(y, u) + g(y, u, e) + e(k).
+    """Add a noise model to a process model, to obtain y(k) = f(y, u) + g(y, u, e) + e(k).
 
-    Another identifier chooses the process terms. The noise terms, which contain e(k-l), are given, or chosen by their
-    error reduction ratio in addition to the process terms. For this choice, e is estimated as the residual of a model
-    with many more lags. All terms are then estimated together by the smallest sum of squared prediction errors, and the
-    choice is repeated once with the resulting e. With coloured noise this removes the bias of the process parameters
-    and corrects their intervals.
+    The terms of f are called process terms, and those of g, which contain e(k-l), noise terms. Another identifier
+    chooses the process terms. The noise terms are either given, or chosen by their error reduction ratio (`Frols`). For
+    this choice, e is first estimated as the residual of a model with many more lags than the process model.
 
-    White noise on the readings of a plant ``A(q) y = f(u)`` gives a noise model with the coefficients of A: choose
-    e(k-1) .. e(k-n) for outputs up to y(k-n).
+    The parameters of all terms are then estimated together, by the smallest sum of squared prediction errors. If the
+    noise terms are chosen, choice and estimation are repeated once with the resulting e. If the noise is coloured, this
+    removes the bias of the process parameters and corrects their confidence intervals.
 
-    A free run of the model sets e to zero; a prediction computes e along the recording.
+    If white noise is added to the readings of a plant ``A(q) y = f(u)``, the noise model has the coefficients of A. The
+    noise terms e(k-1) to e(k-n) then belong to the process terms y(k-1) to y(k-n).
 
     Parameters
     ----------
     process : NarxIdentifier
-        Identifier that chooses the process terms, as ``Frols(output_lags=4)`` or ``Fixed(terms=["y(k-1)", "u(k-1)"])``;
-        a fit does not change it.
+        Identifier that chooses the process terms, as ``Frols(output_lags=4)`` or ``Fixed(terms=["y(k-1)", "u(k-1)"])``.
+        A fit does not change it.
     noise_terms : sequence of Term or str, or mapping of str to such sequences, optional
-        Noise terms, as ``["e(k-1)", "e(k-2)"]``; for several outputs the noise terms of each equation, as
-        ``{"y1": ["e1(k-1)"], "y2": []}``. If omitted, they are chosen as the following arguments specify.
+        Noise terms, as ``["e(k-1)", "e(k-2)"]``. For several outputs, the noise terms of each equation, as
+        ``{"y1": ["e1(k-1)"], "y2": []}``. If omitted, they are chosen according to the next four arguments.
     noise_lags : int or sequence of int
         Lags of e in samples: a number n for 1..n, or a list of lags.
     noise_degree : int
-        Largest degree of a noise term; from 2 on, the candidates include products of e with itself and with all lagged
-        signals of the process candidates.
+        Largest degree of a noise term. If it is 2 or larger, the candidates include products of lagged e with each
+        other and with the lagged signals of the process candidates.
     max_noise_terms : int
         Largest number of noise terms.
     criterion : str
-        Criterion for the number of noise terms, which may be 0: "ebic", "bic" or "aic"; "none" keeps
-        ``max_noise_terms``.
+        Criterion that decides the number of noise terms, which may be 0: "ebic", "bic" or "aic", as in `Frols`. "none"
+        keeps ``max_noise_terms`` terms.
     tolerance : float
-        Convergence limit: e has settled if an undamped Gauss-Newton step changes e by less than this share of its root
-        mean square.
+        The estimation has converged when an undamped Gauss-Newton step changes e by less than this share of the rms
+        value of e.
     max_iterations : int
         Largest number of iterations of an estimation.
 
     Attributes
     ----------
     model_ : NarxModel
-        Model with the process terms followed by the noise terms, in physical units.
+        Model with the process terms followed by the noise terms, in physical units. Its free run sets e to zero.
     process_ : NarxIdentifier
         Fitted identifier of the process terms.
     noise_terms_ : tuple of Term
         Noise terms, given or chosen.
     status_ : FitStatus
-        Outcome; ``NOT_CONVERGED`` if the noise e did not settle.
+        Outcome of the fit; ``NOT_CONVERGED`` if the estimation did not converge.
     changes_ : ndarray, shape (n_iterations,)
-        Rms change of e by the undamped step of each iteration, relative to the rms of e.
+        Rms change of e that the undamped Gauss-Newton step of each iteration would cause, divided by the rms value of
+        e.
 
     References
     ----------

@@ -40,13 +40,14 @@ class PeriodicDisturbance(Effect):
 
     .. math:: y \to y + a\cos(2\pi ft + \varphi)
 
-    `placed` moves the disturbance to the ``command``, to the ``force`` on the moving body, or to a ``pressure``, if the
-    rig has them. The plant then filters the disturbance, so that its size in the reading changes with the voltage.
+    `placed` returns the effect for a disturbance of another signal: the ``command``, the ``force`` on the moving body,
+    or a ``pressure``, if the rig has that signal. The plant filters such a disturbance, so that the amplitude in the
+    reading depends on the voltage.
 
     The effect has no state. A tone above half the sampling rate is recorded at its alias: the mains at about 50 Hz,
-    sampled at 50 Hz, appears with a period of 10 to 100 s and looks like a drift. Typical: 1 to 20 µm. Signature: one
-    line in the spectrum, even at a frequency absent from the drive, as large at 0 V as at 3 kV; a `resonance` needs
-    excitation. The effect is off at a = 0.
+    sampled at 50 Hz, appears with a period of 10 to 100 s and looks like a drift. Typical: a = 1 to 20 µm. Signature:
+    one line in the spectrum of the reading, as large at 0 V as at 3 kV. The command need not contain the frequency of
+    this line, whereas a `resonance` appears only if the command excites it. The effect is off at a = 0.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ class PeriodicDisturbance(Effect):
     frequency : float
         f, the frequency, Hz.
     phase : float
-        :math:`\varphi` at time 0, rad.
+        :math:`\varphi`, the phase at time 0, rad.
 
     References
     ----------
@@ -72,7 +73,8 @@ class PeriodicDisturbance(Effect):
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "amplitude"
     order: ClassVar[int] = -1
-    """Before the sensor's lag and limit, but after its curvature, which acts on the motion alone."""
+    """The tone is added after `sensor_curvature`, which acts on the motion alone, and before `sensor_lag` and
+    `sensor_saturation`."""
     wording: ClassVar[str] = "A tone of {frequency} and {amplitude} is added to the reading, at a phase of {phase}"
     places: ClassVar[Mapping[str, Site]] = MappingProxyType(
         {
@@ -97,10 +99,10 @@ class PeriodicDisturbance(Effect):
         return 1 / self.frequency
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return up to three such effects, at the lines of `residual`, SI, over `timepts`, s, within range.
+        """Return up to three such effects at the strongest spectral lines of `residual` (SI) over `timepts` (s).
 
-        If the plant lies between the tone and the reading, and so shifts its phase, only the strongest line is used, at
-        several phases, with this effect's amplitude.
+        A tone at another place passes through the plant, which shifts the tone's phase. Then only the strongest line is
+        used, with this effect's amplitude and each of four phases.
         """
         ranges = {p.name: (p.lower, p.upper) for p in self.describe()}
         slowest, fastest = ranges["frequency"]

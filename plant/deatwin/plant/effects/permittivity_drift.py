@@ -19,9 +19,11 @@ class PermittivityDrift(Effect):
 
     .. math:: \varepsilon(t) = \varepsilon\,\bigl[1 + a(1 - e^{-t/\tau})\bigr]
 
-    The effect has no state: the drift depends only on the time, and begins at time 0. Typical: 2 to 15 %, 100 to 10,000
-    s. Signature: the relative change of the gain is 1.5 times that of the permittivity at 1.9 kV and 4 times at 3 kV,
-    while the sag at 0 V does not change; `prestretch_relaxation` changes the sag too. The effect is off at a = 0.
+    The effect has no state: the drift depends only on the time, and begins at time 0. Typical: a of 2 to 15 %, in
+    either direction, with a time constant of 100 to 10,000 s. Signature: the displacement under voltage changes,
+    whereas the sag of the film under the ball at 0 V does not. `prestretch_relaxation` changes the sag too. For the
+    film of `thesis_plant`, a change of the permittivity by 1 % changes the displacement by about 1.5 % at 1.9 kV and
+    by 4 % at 3 kV. The effect is off at a = 0.
 
     Parameters
     ----------

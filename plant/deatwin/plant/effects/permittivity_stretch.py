@@ -16,29 +16,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PermittivityStretch(Effect):
-    r"""The permittivity depends on the stretch, so that the field also acts by electrostriction.
+    r"""The permittivity depends on the stretch, so that the field causes electrostriction besides Maxwell stress.
 
     .. math:: \varepsilon(\lambda) = \varepsilon\,\bigl[1 + c(\lambda_1 + \lambda_2 - \lambda_{p1} - \lambda_{p2})\bigr]
 
     The effect has no state. :math:`\lambda_1, \lambda_2` are the stretches, and :math:`\varepsilon` is the permittivity
-    at the prestretch :math:`\lambda_{p1}, \lambda_{p2}`. The stress is the derivative of the field energy including
-    this law, which multiplies the Maxwell stress :math:`\varepsilon E^2` of the field E in direction i by
-    :math:`1 + \frac12\,d\ln\varepsilon/d\ln\lambda_i`. Typical for VHB: c = -0.08 to 0, relative to the permittivity at
-    the prestretch; the Maxwell stress at a stretch of 3.5 is then up to 14 % smaller. Signature: static and even in the
-    voltage; the effect is nearly that of a smaller permittivity, except that the additional stretch bends the curve of
-    stroke over voltage, most above 2.5 kV. The sag at 0 V does not change, whereas `strain_stiffening` changes it. The
-    effect is off at c = 0.
+    at the prestretch :math:`\lambda_{p1}, \lambda_{p2}`. In direction i, the Maxwell stress :math:`\varepsilon E^2` of
+    the field E is multiplied by :math:`1 + \frac12\,\partial\ln\varepsilon/\partial\ln\lambda_i`, because the stress is
+    the derivative of an energy that contains the permittivity.
+
+    Typical for VHB: c = -0.08 to 0. At a stretch of 3.5, c = -0.08 reduces the Maxwell stress by 14 %. Signature: the
+    change of the reading is static and even in the voltage. The effect resembles a smaller permittivity, but it also
+    bends the curve of displacement over voltage, most above 2.5 kV. The film's sag at 0 V does not change, whereas
+    `strain_stiffening` changes the sag. The effect is off at c = 0.
 
     Parameters
     ----------
     slope : float
-        c, relative change per unit of stretch.
+        c, the change of the permittivity per unit of :math:`\lambda_1 + \lambda_2`, divided by the permittivity at the
+        prestretch.
 
     References
     ----------
-    Zhao & Suo, J. Appl. Phys. 104 (2008) 123530, doi:10.1063/1.3031483. Their slope of -0.053 from the unstretched
-    state for VHB, as the literature quotes it, is c = -0.053/(1 - 0.053(2 x 3.5 - 2)) = -0.072 from a prestretch of
-    3.5.
+    Zhao & Suo, J. Appl. Phys. 104 (2008) 123530, doi:10.1063/1.3031483. The literature quotes their slope for VHB as
+    -0.053 relative to the unstretched state. Relative to a prestretch of 3.5, this is c = -0.053/(1 - 0.053(2 x 3.5 -
+    2)) = -0.072.
     """
 
     slope: float = -0.07

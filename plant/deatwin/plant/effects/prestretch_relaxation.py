@@ -17,20 +17,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PrestretchRelaxation(Effect):
-    r"""The equilibrium tension of the mounted film decays during the experiment.
+    r"""The tension of the mounted film decays during the experiment.
 
     .. math:: W \to W\,\bigl[1 - a(1 - e^{-t/\tau})\bigr]
 
-    W is the strain energy density of the film's equilibrium network. The effect has no state: the decay depends only on
-    the time, and begins at time 0. Typical for VHB that had too little time to rest: 2 to 15 % in 1000 to 100,000 s.
-    Signature: visible without voltage too; sag and gain grow together: a loss of 1 % of the tension increases the sag
-    by 1 %, and the stroke by 2.4 % at 1.9 kV and by 5 % at 3 kV. A `permittivity_drift` does not change the sag;
-    `creep` follows the drive and recovers. The effect is off at a = 0.
+    W is the strain energy density of the film without its Maxwell branches. The effect has no state: the decay depends
+    only on the time, and begins at time 0. Typical for VHB that rested too short a time after it was stretched: a loss
+    of 2 to 15 %, with a time constant of 1000 to 100,000 s.
+
+    Signature: the sag of the film under the ball at 0 V grows, and so does the displacement under voltage. For the film
+    of `thesis_plant`, a loss of 1 % of the tension increases the sag by 1 %, and the displacement by about 2.4 % at
+    1.9 kV and by about 5 % at 3 kV. A `permittivity_drift` does not change the sag. `creep` follows the command, and
+    recovers when the voltage is removed. The effect is off at a = 0.
 
     Parameters
     ----------
     relative_loss : float
-        a, the share of the tension that is finally lost.
+        a, the final loss of tension, divided by the tension at time 0.
     time : float
         :math:`\tau`, the time constant of the decay, s.
 

@@ -20,12 +20,14 @@ class QuadraticDamping(Effect):
 
     .. math:: F = -c\,v\,|v|
 
-    The effect has no state; v is the ball's velocity, and the derivative of the force F with respect to v is
-    continuous. Typical: 0.004 N s²/m² for a disc of 80 mm in air, which is invisible; 0.1 to 10 if air is pressed
-    through the gap below the film or the ball moves in a liquid. Signature: visible only when the ball is fast, after
-    steps and near its resonance; each half-swing loses a share of its amplitude proportional to the amplitude, so large
-    swings decay faster than small ones. With the rig's linear `damping`, all swings lose the same share. The effect is
-    off at c = 0.
+    F is the drag force and v the ball's velocity. The effect has no state. Typical: c = 0.1 to 10 N s²/m² if air is
+    pressed through the gap below the film, or if the ball moves in a liquid. For a disc of 80 mm diameter in free air,
+    c is 0.004 N s²/m², too little to be visible in the reading.
+
+    Signature: the effect appears only when the ball is fast, that is after steps and near its resonance. Large
+    oscillations decay faster than small ones: the relative loss of amplitude per half period is proportional to the
+    amplitude. With the rig's linear `damping`, the relative loss is the same for all amplitudes. The effect is off at
+    c = 0.
 
     Parameters
     ----------

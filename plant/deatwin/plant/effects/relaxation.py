@@ -21,27 +21,32 @@ one from the nearest."""
 
 @dataclass(frozen=True, kw_only=True)
 class Relaxation(Effect):
-    r"""A spring in series with a damper acts in parallel to the plant, so that the total force relaxes.
+    r"""A Maxwell branch, that is a spring in series with a damper, acts on the moving body, so that the force relaxes.
 
     .. math:: F \to F - k_r\,(y - \xi), \qquad \tau_r\,\dot\xi = y - \xi
 
-    F is the force on the moving body and y its displacement. The effect has one state :math:`\xi` (m), the displacement
-    of the damper; at rest :math:`\xi = y`. A plant with a spring k then is the standard linear solid, whose stiffness
-    is k for slow and :math:`k + k_r` for fast motion. In other plants y is the quantity that corresponds to a
-    displacement. The branch is then a store that fills and empties through a resistance, such as the heat capacity of
-    furniture in a room, or slow diffusion in a battery. Typical: :math:`k_r` of 10 to 50 % of k for rubbers and
-    silicones, over times far longer than the motion. Signature: after each step the motion continues slowly, in
-    proportion to the step, and later recovers; the gain is higher for slow than for fast commands; the loop is widest
-    at a period of :math:`2\pi\tau_r`, whereas the loop of `hysteresis` keeps its width. A `sensor_drift` does not
-    follow the command. If :math:`\tau_r` is far below the period of the motion, the branch acts as a damper of
-    :math:`k_r\tau_r`. For films, see `creep`. The effect is off at :math:`k_r = 0`.
+    F is the force on the moving body and y the displacement of the body. The effect has one state :math:`\xi` (m), the
+    displacement of the damper; at rest :math:`\xi = y`. Together with a spring of stiffness k, the branch forms the
+    standard linear solid: its stiffness is k for slow motion and :math:`k + k_r` for fast motion. If :math:`\tau_r` is
+    far below the period of the motion, the branch acts as a damper with the constant :math:`k_r\tau_r`. For films, use
+    `creep`.
+
+    In a plant without motion, y is the quantity that corresponds to a displacement, and the branch is a store that
+    fills and empties through a resistance, such as the heat capacity of furniture in a room.
+
+    Typical for rubbers and silicones: :math:`k_r` of 10 to 50 % of k, and a :math:`\tau_r` far longer than the period
+    of the motion. Signature: after each step of the command, the body continues to move slowly, by a distance
+    proportional to the step. After a step back, the body recovers as slowly. The gain from command to displacement is
+    higher for slow than for fast commands. For a sinusoidal command, the loop of reading over command is widest at a
+    period of about :math:`2\pi\tau_r`, whereas the loop of `hysteresis` has the same width at all periods. A
+    `sensor_drift` does not depend on the command. The effect is off at :math:`k_r = 0`.
 
     Parameters
     ----------
     stiffness : float
         :math:`k_r`, the stiffness of the spring, N/m.
     time : float
-        :math:`\tau_r`, the relaxation time: damping divided by stiffness, s.
+        :math:`\tau_r`, the relaxation time of the branch: constant of its damper divided by :math:`k_r`, s.
 
     References
     ----------
@@ -72,7 +77,10 @@ class Relaxation(Effect):
         return signal - self.own("stiffness", build) * (displacement - damper)
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return such effects with times between a few samples and the length of `timepts`, s, for any `residual`."""
+        """Return up to five such effects, with times from two samples to a third of the span of `timepts` (s).
+
+        `residual` has no influence.
+        """
         steps = np.diff(np.unique(timepts))
         if not steps.size:
             return ()

@@ -22,14 +22,16 @@ class Resonance(Effect):
     .. math:: m_2\ddot x_2 = -F, \qquad F = m_2\omega^2(x_2 - y) + 2\zeta m_2\omega(\dot x_2 - \dot y), \qquad
               \omega = 2\pi f
 
-    F acts on the ball, whose displacement is y. The effect has two states: :math:`x_2` (m), the displacement of the
-    mass from rest, and the velocity of the mass (m/s). The mass adds inertia but no weight, because the vibrating
-    structure carries its weight. Typical: a mode of film, frame or holder, with 1 to 20 % of the ball's mass and a
-    damping ratio of 0.01 to 0.1. Signature: a narrow peak next to a dip in the frequency response. Both stay at their
-    frequencies when the voltage lowers the ball's natural frequency, which is 16 Hz at 0 V. Unlike a
-    `periodic_disturbance`, the peak needs excitation. Far below f, the effect is that of an added mass. Modes above
-    half the sampling rate do not appear at their own frequency: with 50 samples a second the range of f ends at 24 Hz.
-    The effect is off at :math:`m_2 = 0`.
+    F is the force that the spring and the damper exert on the ball, and y is the displacement of the ball. The effect
+    has two states: the displacement :math:`x_2` (m) and the velocity (m/s) of the second mass. The second mass adds
+    inertia but no weight, because it represents a vibrating structure that carries its own weight.
+
+    Typical: a mode of the film, the frame or the holder, with 1 to 20 % of the ball's mass and a damping ratio of 0.01
+    to 0.1. Signature: the frequency response has a narrow peak next to a dip. A voltage lowers the ball's natural
+    frequency, which is 16 Hz at 0 V, but shifts peak and dip only little. The peak appears only if the command excites
+    it, whereas a `periodic_disturbance` appears without excitation. At frequencies far below f, the effect equals that
+    of an added mass. At 50 samples a second, modes above 25 Hz appear at an alias frequency; therefore the range of f
+    ends at 24 Hz. The effect is off at :math:`m_2 = 0`.
 
     Parameters
     ----------
@@ -75,7 +77,7 @@ class Resonance(Effect):
         return signal + self.own("mass", build) * (spring + damper)
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return up to four such effects, at peaks of the spectrum of `residual`, SI, over `timepts`, s."""
+        """Return up to four such effects at peaks of the spectrum of `residual` (SI) over `timepts` (s)."""
         known = self.described("frequency")
         peaks = spectral_peaks(timepts, residual, (known.lower, known.upper), count=4)
         return tuple(replace(self, frequency=f) for f in peaks)

@@ -18,10 +18,12 @@ class SensorCurvature(Effect):
 
     .. math:: y \to y + \kappa y^2
 
-    The effect has no state. The reading y is relative to rest, where the gain is correct. Typical: a light spot that
-    wanders on a ball of 4.5 mm, or a laser at the end of its range, gives 10 to 100 1/m, that is 1 to 10 % at 1 mm.
-    Signature: static, the same at all frequencies, and as large for motion that no voltage causes (ringing after a tap,
-    an added mass). A `permittivity_stretch` does not change such motion. The effect is off at :math:`\kappa = 0`.
+    The effect has no state. y is the reading relative to its value at rest, where the sensor's gain is correct.
+    Typical: :math:`\kappa` = 10 to 100 1/m, an error of 1 to 10 % at a reading of 1 mm. Such a curvature arises if a
+    laser works at the end of its range, or if its spot wanders over a ball of 4.5 mm. Signature: the change of the
+    reading depends only on the present reading, at all frequencies. A motion without voltage, such as ringing after a
+    tap, is distorted as much as a motion under voltage. A `permittivity_stretch` changes only the motion under voltage.
+    The effect is off at :math:`\kappa = 0`.
 
     Parameters
     ----------
@@ -41,7 +43,7 @@ class SensorCurvature(Effect):
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "curvature"
     order: ClassVar[int] = -10
-    """First of all effects on the reading, because the sensor's curve maps the motion itself."""
+    """This effect acts on the reading before all others, because the sensor's curve maps the motion itself."""
     wording: ClassVar[str] = "The sensor's gain changes with the reading, by twice {curvature} times the reading"
 
     def describe(self) -> tuple[Parameter, ...]:

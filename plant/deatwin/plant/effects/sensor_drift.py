@@ -41,18 +41,19 @@ class SensorDrift(Effect):
 
     .. math:: y \to y + a\,(1 - e^{-t/\tau}), \qquad t \ge 0
 
-    `placed` moves the drift to the offset of the amplifier's ``command``, or to the gain of amplifier or sensor,
-    ``command_gain`` or ``reading_gain``, where the command or reading s becomes :math:`s\,[1 + a\,(1 - e^{-t/\tau})]`.
-    A single reading cannot distinguish drift of the amplifier's gain from `permittivity_drift`.
+    `placed` returns the effect for another drift. At ``command``, the amplifier's offset drifts, that is, the drift is
+    added to the command. At ``command_gain`` and ``reading_gain``, the gain of the amplifier or of the sensor drifts:
+    the command or the reading s becomes :math:`s\,[1 + a\,(1 - e^{-t/\tau})]`. From a single reading, a drift of the
+    amplifier's gain cannot be distinguished from `permittivity_drift`.
 
-    The effect has no state. Typical: micrometres to a tenth of a millimetre per hour, while the sensor head warms up or
-    its mount settles. Signature: the baseline moves without a change of gain, equally at 0 V and under drive;
-    `permittivity_drift` instead scales the motion and does not change the sag at 0 V. The effect is off at a = 0.
+    The effect has no state. Typical: a micrometre to a tenth of a millimetre per hour, while the sensor head warms up
+    or its mount settles. Signature: all readings shift by the same amount, whatever the voltage. A `permittivity_drift`
+    instead scales the displacement under voltage, and does not change the reading at 0 V. The effect is off at a = 0.
 
     Parameters
     ----------
     change : float
-        a, the final change, in the unit of the signal; for a gain, relative to the gain.
+        a, the final change, in the unit of the reading or of the command; for a gain, relative to the gain.
     time : float
         :math:`\tau`, the time constant of the drift, s.
 

@@ -18,13 +18,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorJump(Effect):
-    r"""From some time on, all readings are shifted by a constant, for example because the sensor was knocked.
+    r"""From one time on, all readings are shifted by a constant, for example because the sensor was knocked.
 
     .. math:: y \to y + \frac{a}{1 + e^{-(t - t_0)/(h/4)}}
 
-    The effect has no state. The step takes about one sample time h, so that the reading has a derivative with respect
-    to :math:`t_0`. Typical: tens of micrometres. Signature: the shift is the same at any voltage; an `electrode_loss`
-    instead removes a share of the motion and does not change the sag at 0 V. The effect is off at a = 0.
+    h is the sample time. The effect has no state. The jump is smoothed over about one sample time, so that the reading
+    is differentiable with respect to :math:`t_0`. Typical: a of tens of micrometres. Signature: the shift is the same
+    at any voltage. An `electrode_loss` instead reduces the displacement under voltage, and does not change the reading
+    at 0 V. The effect is off at a = 0.
 
     Parameters
     ----------

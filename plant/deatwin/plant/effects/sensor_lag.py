@@ -20,23 +20,29 @@ class SensorLag(Effect):
 
     .. math:: r\,\tau_s^2\ddot y + \tau_s\dot y + y = x
 
-    x is the motion. The effect has two states (m): y, the lagged reading, and :math:`\tau_s\dot y`. r = 0 is a
-    first-order lag, r = 1/4 two equal lags in series, r = 1/2 a Butterworth filter; with a larger r the sensor rings.
-    Typical: 0.1 to 20 ms of averaging. Signature: like a `delay` with a roll-off above :math:`1/(2\pi\tau_s)`, but the
-    lag acts after all nonlinearities, so that each harmonic lags according to its own frequency; the ball's ringing is
-    damped in the reading only. The effect is off at :math:`\tau_s = 0`, where y = x. On a rig without a film, `placed`
-    moves the lag to the ``command``; on a rig with a film, use `electrode_rc` instead.
+    x is the motion and y the reading. The effect has two states (m): y and :math:`\tau_s\dot y`. With r = 0 the lag is
+    of first order, with r = 1/4 it equals two equal first-order lags in series, and with r = 1/2 it is a Butterworth
+    filter. With r > 1/4 the step response overshoots.
+
+    Typical: :math:`\tau_s` = 0.1 to 20 ms, from the sensor's averaging. Signature: the reading is delayed, and it is
+    attenuated at frequencies above :math:`1/(2\pi\tau_s)`. A `delay` of the command does not attenuate. The lag acts
+    after all nonlinearities of the plant, so that each harmonic in the reading lags according to its own frequency. The
+    ball's ringing is smaller in the reading, although the ball itself is not damped. The effect is off at
+    :math:`\tau_s = 0`, where y = x.
+
+    On a rig without a film, `placed` returns the effect for a lag of the ``command`` instead; on a rig with a film, use
+    `electrode_rc` for that.
 
     Parameters
     ----------
     time : float
-        :math:`\tau_s` in s, the lag of slow motions.
+        :math:`\tau_s`, the time by which the reading lags a slow motion, s.
     inertia : float
         r, the coefficient of the second-order term.
 
     References
     ----------
-    Lags of first and second order; at low frequency an average over T lags as :math:`\tau_s = T/2` does.
+    Lags of first and second order. At low frequencies, an average over a time T is a lag of :math:`\tau_s = T/2`.
     """
 
     time: float = 0.01
@@ -48,7 +54,8 @@ class SensorLag(Effect):
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "time"
     order: ClassVar[int] = 20
-    """After all effects on the sensor's light, and before its output clips."""
+    """The lag acts before a `delay` of the reading and before `sensor_saturation`, and after all other effects of the
+    sensor."""
     places: ClassVar[Mapping[str, Site]] = MappingProxyType(
         {
             "command": Site(

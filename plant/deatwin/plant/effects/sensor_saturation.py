@@ -19,17 +19,18 @@ class SensorSaturation(Effect):
 
     .. math:: y \to y - s\,p(y - y_l), \qquad p(x) = w\ln(1 + e^{x/w})
 
-    The effect has no state. y is the reading. With s = 1 the reading is clipped at the limit; with a smaller s the
-    reading rises less steeply beyond the limit. The corner is rounded over w = 1 µm, less than the sensor noise. There
-    is no lower limit: the ball rests at the lower end, so that such a limit would be obvious at 0 V. Typical: an
-    analogue output scaled to the expected motion, 0.4 mm. Signature: the reading has a flat top, ringing included,
-    while the ball moves on and returns below the limit at full speed; an `end_stop` stops the ball and makes it ring.
-    The effect is off at s = 0.
+    y is the reading. The effect has no state. With s = 1 the reading is clipped at the limit :math:`y_l`; with s < 1
+    the sensor's gain is 1 - s beyond the limit. The corner is rounded over w = 1 µm, which is less than the sensor
+    noise. There is no lower limit, because the ball rests at the lower end of the range.
+
+    Typical: :math:`y_l` = 0.4 mm, for an analogue output that was scaled to the expected motion. Signature: the reading
+    has flat tops without ringing, because the ball moves freely beyond the limit. An `end_stop` instead stops the ball,
+    which then rings. The effect is off at s = 0.
 
     Parameters
     ----------
     share : float
-        s, the share of the excess that is lost.
+        s, the share of the excess :math:`y - y_l` that is lost, from 0 to 1.
     limit : float
         :math:`y_l`, the reading at which the sensor saturates, m.
 
@@ -48,10 +49,10 @@ class SensorSaturation(Effect):
     strength: ClassVar[str] = "share"
     threshold: ClassVar[str] = "limit"
     order: ClassVar[int] = 30
-    """Last of the sensor's effects, because it is the sensor's output that clips."""
+    """This effect acts after all other effects of the sensor, because the sensor's output is what clips."""
     wording: ClassVar[str] = "The sensor clips beyond {limit}, where a share of {share} of the excess is lost"
     width: ClassVar[float] = 1e-6
-    """Rounding of the corner, m."""
+    """w, the width over which the corner is rounded, m."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

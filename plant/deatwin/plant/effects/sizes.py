@@ -38,36 +38,36 @@ SIGNALS: Mapping[str, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Sizes:
-    """Typical sizes of a plant's quantities, in the plant's own units.
+    """Typical sizes of a plant's signals, to which the effects of the catalogue are scaled.
 
-    The effects of the catalogue state typical values, ranges and rounded corners for the diaphragm. On a plant of other
-    units and scales, such as a circuit whose voltage oscillates at 70 Hz, an effect follows the same law with values
-    scaled by powers of these sizes.
+    The typical values and ranges in the catalogue hold for the default `Diaphragm`, a film that carries a ball. On a
+    plant with other sizes and units, such as an electric circuit, an effect has the same equation with scaled values.
+    The unit of a value determines the factor: a stiffness in N/m, for example, is multiplied by the ratio of this
+    plant's typical force to that of the diaphragm, and divided by the corresponding ratio of displacements.
 
     Parameters
     ----------
     motion : float
-        Typical displacement, or the corresponding quantity, in the plant's unit.
+        Typical displacement, or the corresponding quantity of a plant without motion, in `motion_unit`.
     force : float
-        Typical force that causes the motion, in the unit of the signal ``force``.
+        Typical force that causes the motion, in `force_unit`.
     period : float
-        Period of the ringing, or another typical time of the motion, s.
+        Period of the plant's ringing, or another typical time of the motion, s.
     command : float
-        Typical command, in its unit.
+        Typical command, in `command_unit`.
     voltage : float, optional
-        Typical amplifier voltage, V, if the amplifier multiplies the command by a gain; otherwise its output has the
-        size and unit of the command.
+        Typical output of the amplifier, V. By default, the output has the size and the unit of the command.
     reading : float, optional
-        Typical reading, in its unit; `motion` by default.
+        Typical reading, in `reading_unit`; `motion` by default.
     motion_unit, force_unit, command_unit, reading_unit : str
-        Units, as products of powers such as ``"V/s2"``.
+        Units, as products of powers such as ``"V/s2"``. The default of `reading_unit` is `motion_unit`.
     body : str
-        Name of the moving part in sentences; the diaphragm has a ball.
+        Name of the moving part in the sentences of effects.
 
     Raises
     ------
     RigError
-        If a size is not a number above 0, or a unit or the name is not a text.
+        If a size is not a finite number above 0, or if a unit or `body` is not text.
 
     Examples
     --------
@@ -105,13 +105,13 @@ class Sizes:
         Parameters
         ----------
         effect : Effect
-            Effect with values meant for the diaphragm.
+            Effect with values for the diaphragm.
 
         Returns
         -------
         Effect
-            Effect of the same name with this plant's values, ranges, units and words. An effect on a film, or on
-            another signal that only film actuators have, is returned unchanged.
+            Effect of the same name, with values, ranges and units scaled to this plant. An effect on a signal that only
+            film actuators have, such as the film itself, is returned unchanged.
         """
         if effect.signal not in SIGNALS or isinstance(effect, _Similar):
             return effect

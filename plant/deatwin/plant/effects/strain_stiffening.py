@@ -16,24 +16,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class StrainStiffening(Effect):
-    r"""The film stiffens towards a limit of stretch, more than a neo-Hookean network of the same modulus does.
+    r"""The film stiffens as its stretch approaches a limit, as in Gent's law.
 
     .. math:: W \to W - \frac{\mu_s J}{2}\ln\Bigl(1 - \frac{I_1 - 3}{J}\Bigr) - \frac{\mu_s}{2}(I_1 - 3)
 
-    The effect has no state. W is the film's strain energy density and :math:`I_1` the first invariant of its
-    deformation. At small stretch the effect adds nothing. Typical for VHB: :math:`\mu_s` equal to the whole modulus of
-    the film, 15 to 30 kPa, with J = 90 to 120; at a prestretch of 3.5, :math:`I_1 - 3` = 21.5. Signature: static and
-    even in the voltage; the curve of the stroke bends down above about 2.5 kV, and the ball's frequency falls less with
-    the voltage. An `amplifier_saturation` has a corner and does not change the frequency; `permittivity_stretch` does
-    not change the sag. In a material that already has a limit of stretch, such as Gent's, the effect only shifts that
-    limit. The effect is off at :math:`\mu_s = 0`.
+    W is the film's strain energy density and :math:`I_1` the first invariant of the deformation. The effect has no
+    state. The added energy is the energy of a Gent network minus that of a neo-Hookean network of the same modulus, so
+    that it vanishes at small stretch. If the film's material already has a limit of stretch, as Gent's has, the effect
+    only shifts that limit.
+
+    Typical for VHB: a :math:`\mu_s` equal to the whole shear modulus of the film (15 to 30 kPa), and J = 90 to 120. At
+    a prestretch of 3.5, :math:`I_1 - 3` is 21.5. Signature: the change of the reading is static and even in the
+    voltage. Compared with a film without the effect, the displacement grows less steeply above about 2.5 kV, and the
+    ball's natural frequency falls less. An `amplifier_saturation` causes a sharp corner in the curve of displacement
+    over voltage, and does not change the natural frequency. A `permittivity_stretch` does not change the film's sag at
+    0 V. The effect is off at :math:`\mu_s = 0`.
 
     Parameters
     ----------
     modulus : float
-        :math:`\mu_s`, the shear modulus of the part of the network that stiffens, Pa.
+        :math:`\mu_s`, the shear modulus of the part of the polymer network that stiffens, Pa.
     limit : float
-        J, the largest possible :math:`I_1 - 3`.
+        J, the value of :math:`I_1 - 3` at which the energy becomes infinite.
 
     References
     ----------

@@ -21,29 +21,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ThermalStiffness(Effect):
-    r"""The stiffness of the equilibrium network changes with the room temperature.
+    r"""The stiffness of the film changes with the room temperature.
 
     .. math:: W \to W\,(1 + k_T\,\Delta T), \qquad \Delta T = T - T_0 \quad\text{or}\quad
               \Delta T = (1\,\text{K})\,\Bigl[\cos\Bigl(\frac{2\pi t}{P} + \varphi\Bigr) - \cos\varphi\Bigr]
 
-    The effect has no state. W is the strain energy density of the equilibrium network. If the recording has a channel
-    ``temperature`` (K), :math:`\Delta T` is its deviation from :math:`T_0` = 293.15 K, and period and phase have no
-    influence. Without this channel, the temperature of the room is assumed to vary sinusoidally by ±1 K with period P,
-    as under a thermostat; the rig's modulus is then the modulus at time 0. A further reading may show the
-    ``room_temperature`` :math:`T_0 + \Delta T`. Typical: a few percent per kelvin; periods from minutes to a day. In
-    measurements VHB tape softened with temperature, although its elastic part stiffened (entropic elasticity predicts
-    +0.34 % per kelvin). Signature: sag and gain vary together, with a period that is absent from the drive; at 1.9 kV
-    the gain varies by 2.4 % if the sag varies by 1 %; the sag varies at 0 V too; a `permittivity_drift` changes in one
-    direction only and leaves the sag at 0 V unchanged. The effect is off at :math:`k_T = 0`.
+    W is the strain energy density of the film without its Maxwell branches. The effect has no state. If the recording
+    has a channel ``temperature`` T (K), the first equation for :math:`\Delta T` holds, with :math:`T_0` = 293.15 K.
+    Without this channel, the second equation holds: the room temperature is assumed to vary sinusoidally by ±1 K with
+    period P, as under a thermostat, and the rig's modulus is the modulus at time 0. A further reading of the rig may be
+    ``room_temperature``, :math:`T_0 + \Delta T`.
+
+    Typical: :math:`k_T` of a few percent per kelvin, with periods from minutes to a day. VHB tape softens as it warms.
+    Signature: the displacement at all voltages varies with a period that the command does not contain, and so does the
+    sag of the film under the ball at 0 V. For the film of `thesis_plant`, the displacement at 1.9 kV varies by about
+    2.4 % if the sag varies by 1 %. A `permittivity_drift` changes in one direction only, and does not change the sag.
+    The effect is off at :math:`k_T = 0`.
 
     Parameters
     ----------
     change_per_kelvin : float
         :math:`k_T`, the relative change of the stiffness per kelvin, 1/K.
     period : float
-        P, the assumed period of the room temperature, s.
+        P, the assumed period of the room temperature, s; without influence if the temperature is recorded.
     phase : float
-        :math:`\varphi`, the phase of the temperature at time 0, rad.
+        :math:`\varphi`, the assumed phase of the room temperature at time 0, rad; without influence if the temperature
+        is recorded.
 
     References
     ----------
@@ -67,9 +70,9 @@ class ThermalStiffness(Effect):
         "(unless it was measured: a swing of one kelvin with a period of {period} and a phase of {phase})"
     )
     reference: ClassVar[float] = ROOM_TEMPERATURE
-    """Reference temperature, :math:`T_0` in K."""
+    """:math:`T_0`, the temperature at which the rig's modulus holds, K."""
     not_measured: ClassVar[float] = 0.0
-    """Value of the channel in recordings without a thermometer, K."""
+    """Value of the channel ``temperature`` in recordings without a thermometer, K."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (
@@ -90,7 +93,7 @@ class ThermalStiffness(Effect):
         return 0.0 if "temperature" in measured else self.period
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return up to three such effects, with the slow cycles in `residual`, SI, over `timepts`, s."""
+        """Return up to three such effects, with the periods of slow cycles in `residual` (SI) over `timepts` (s)."""
         known = self.described("period")
         softer = replace(self, change_per_kelvin=-abs(self.change_per_kelvin))
         cycles = slow_cycles(timepts, residual, (known.lower, known.upper), count=3)

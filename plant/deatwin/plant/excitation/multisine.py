@@ -16,7 +16,7 @@ ATTEMPTS = 100  # Number of draws of the phases before the limits count as too n
 
 @with_numbers
 def odd_harmonics(period: float, band: float) -> NDArray[np.int64]:
-    """Return the odd harmonics of a period up to a frequency.
+    """Return the odd harmonics of the frequency ``1 / period`` up to the frequency `band`.
 
     Parameters
     ----------
@@ -28,12 +28,12 @@ def odd_harmonics(period: float, band: float) -> NDArray[np.int64]:
     Returns
     -------
     (m,) array of int
-        1, 3, 5, ...; in units of ``1 / period``.
+        Orders of the harmonics, 1, 3, 5, ...: their frequencies in units of ``1 / period``.
 
     Raises
     ------
     DataError
-        If not even the first harmonic lies in the band.
+        If `band` is below ``1 / period``, so that there is no harmonic.
 
     Examples
     --------
@@ -49,33 +49,34 @@ def odd_harmonics(period: float, band: float) -> NDArray[np.int64]:
 def random_odd_harmonics(
     rng: np.random.Generator, period: float, band: float, group: int = 3
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return odd harmonics with one omitted at random from each group of neighbours.
+    """Return odd harmonics of a multisine, with one harmonic omitted at random from each group of neighbours.
 
-    The omitted lines are detection lines: the response at these lines shows the plant's odd nonlinearity.
+    The omitted harmonics are detection lines: power of the response at these lines comes from odd nonlinearities of the
+    plant.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-        Random generator for the choice of lines.
+        Random generator that chooses the omitted harmonics.
     period : float
-        Period, s.
+        Period of the multisine, s.
     band : float
         Highest frequency, Hz.
     group : int
-        Number of neighbouring odd harmonics from which one is omitted, at least two. An incomplete last group keeps all
-        its lines.
+        Number of neighbouring odd harmonics in a group, at least two. If the last group is incomplete, none of its
+        harmonics is omitted.
 
     Returns
     -------
     excited : (m,) array of int
         Harmonics for `random_phase_multisine`, in units of ``1 / period``.
     detection : (k,) array of int
-        Omitted harmonics, in the same unit.
+        Omitted harmonics, in units of ``1 / period``.
 
     Raises
     ------
     DataError
-        If a group has fewer than two members, or the band contains less than one group.
+        If `group` is less than two, or if there are fewer odd harmonics up to `band` than in one group.
 
     References
     ----------
@@ -104,27 +105,28 @@ def random_phase_multisine(
     lower: float = 1.1,
     upper: float = 3.75,
 ) -> NDArray[np.float64]:
-    """Return whole periods of a sum of sines with random phases, added to a bias.
+    """Return whole periods of a bias plus a multisine, which is a sum of sines with random phases.
 
-    The limits hold without clipping, which would put power on other lines: phases that violate the limits are drawn
-    again, up to a hundred times.
+    The signal is not clipped to the limits, because clipping would put power at frequencies that are not among
+    `harmonics`. Instead, the phases are drawn anew, up to a hundred times, until the signal lies within the limits.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-        Random generator for the phases, which are uniform over the circle.
+        Random generator for the phases, which are uniformly distributed from 0 to 2π.
     period : float
-        Period, s; rounded to whole samples, so that the signal is periodic to the last bit.
+        Period, s; rounded to whole samples, so that the signal is exactly periodic.
     sample_time : float
         Time between two samples, s.
     harmonics : (m,) array_like of int
-        Excited lines in units of ``1 / period``, for example from `odd_harmonics`; below half the sample rate.
+        Frequencies of the sines in units of ``1 / period``, for example from `odd_harmonics`; below half the sample
+        rate.
     rms : float
-        Root mean square about the bias, V; it holds exactly.
+        Root mean square of the sum of sines without the bias, V.
     mean : float
         Bias, V.
     amplitudes : (m,) array_like of float, optional
-        Relative amplitudes of the sines, scaled by `rms`; all equal by default.
+        Amplitudes of the sines relative to each other; all equal by default.
     periods : int
         Number of periods.
     lower, upper : float
@@ -138,9 +140,8 @@ def random_phase_multisine(
     Raises
     ------
     DataError
-        If the harmonics are not distinct whole numbers from 1 to below half the sample rate; if the amplitudes differ
-        in number from the harmonics, or are negative or all zero; if `periods` is less than 1; or if no phases satisfy
-        the limits. In the last case the text states an rms for which there are such phases.
+        If an argument is out of its range, or if no drawn phases satisfy the limits. In the latter case, the text
+        states a smaller `rms` for which there are such phases.
 
     References
     ----------

@@ -19,15 +19,14 @@ def band_limited_noise(
     lower: float = 1.1,
     upper: float = 3.75,
 ) -> NDArray[np.float64]:
-    """Return Gaussian noise about an operating point, with power from 0 Hz to a band limit.
+    """Return band-limited Gaussian noise about an operating point.
 
-    White Gaussian noise is filtered (every spectral line above `band`, and the line at 0 Hz, is set to zero), then
-    scaled to `variance` exactly, shifted by `mean`, and clipped to `lower` and `upper`.
+    In the spectrum of white Gaussian noise, the line at 0 Hz and every line above `band` are set to zero. The noise is
+    then scaled to `variance`, added to `mean`, and clipped to `lower` and `upper`.
 
-    The defaults are the excitation of W. R. Jacobs' thesis, whose variance, band and limits cannot all hold exactly:
-    the limits lie only 2.2 standard deviations from the mean. Here the limits hold exactly, because they protect the
-    film. Clipping reduces the variance a little (to 0.343 V²) and puts a little power above the band (0.22 %;
-    `share_above_band` returns the value for a given signal).
+    The defaults are those of the excitation in W. R. Jacobs' thesis. There the limits lie only 2.2 standard deviations
+    from the mean, so that clipping reduces the variance from 0.36 to 0.343 V² and puts 0.22 % of the power above the
+    band. `share_above_band` returns this share for a given signal.
 
     Parameters
     ----------
@@ -40,11 +39,11 @@ def band_limited_noise(
     mean : float
         Operating point, V.
     variance : float
-        Variance before the limits, V².
+        Variance before clipping, V².
     band : float
-        Band limit, Hz; at most half the sample rate.
+        Highest frequency of the noise before clipping, Hz; at most half the sample rate.
     lower, upper : float
-        Limits, V; infinite for none.
+        Limits of the command, V; infinite for none.
 
     Returns
     -------
@@ -54,8 +53,8 @@ def band_limited_noise(
     Raises
     ------
     DataError
-        If the duration is too short for one line in the band, the band lies above half the sample rate, the
-        variance is negative, or the limits do not enclose the mean.
+        If the duration is shorter than ``1 / band``, the band is not above 0 or exceeds half the sample rate, the
+        variance is negative, or the mean does not lie between the limits.
 
     References
     ----------
@@ -73,11 +72,11 @@ def band_limited_noise(
 
 @with_numbers
 def share_above_band(commands: ArrayLike, sample_time: float, band: float) -> float:
-    """Return the share of a signal's power above a frequency, with the power at 0 Hz left out of the total.
+    """Return the power of a signal above a frequency, divided by the power at all frequencies except 0 Hz.
 
-    The signal is treated as one period of a periodic signal. `band_limited_noise` is periodic, so it has power above
-    its band only because of its limits. If the last value of a signal differs from the first, the jump between them
-    adds power above the band.
+    The signal is treated as one period of a periodic signal. If its last value differs from its first value, the jump
+    between them adds power above the frequency. Noise from `band_limited_noise` is periodic, and has power above its
+    band only if it was clipped.
 
     Parameters
     ----------

@@ -10,8 +10,8 @@ from deatwin.plant.excitation.samples import command_array, sample_count, with_n
 def with_alternating_polarity(commands: ArrayLike, sample_time: float, segment: float) -> NDArray[np.float64]:
     """Return a signal with the sign of every second segment reversed.
 
-    The Maxwell stress is proportional to the square of the voltage. A response that changes with the sign therefore
-    reveals charge in the film, an amplifier offset, or an amplifier of one polarity.
+    The Maxwell stress is proportional to the square of the voltage, so that the sign should have no influence. A
+    response that changes with the sign reveals charge in the film, an offset of the amplifier, or a unipolar amplifier.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ def with_alternating_polarity(commands: ArrayLike, sample_time: float, segment: 
     sample_time : float
         Time between two samples, s.
     segment : float
-        Time between reversals, s; rounded to whole samples. The first segment keeps its sign.
+        Duration of a segment, s; rounded to whole samples. The first segment keeps its sign.
 
     Returns
     -------

@@ -20,20 +20,20 @@ def random_holds(
     shortest: float = 2.0,
     longest: float = 25.0,
 ) -> NDArray[np.float64]:
-    """Return random levels held for random times, both uniformly distributed.
+    """Return random levels, each held for a random time; levels and times are uniformly distributed.
 
     Parameters
     ----------
     rng : numpy.random.Generator
         Random generator for levels and times.
     duration : float
-        Length, s; rounded to whole samples. The last hold ends with the signal and may be shorter than `shortest`.
+        Length, s; rounded to whole samples. The end of the signal may cut the last hold short.
     sample_time : float
         Time between two samples, s.
     lower, upper : float
         Range of the levels, V.
     shortest, longest : float
-        Range of the hold times, s; rounded to whole samples, at least one.
+        Range of the hold times, s. Each hold time is rounded to whole samples, and is at least one sample.
 
     Returns
     -------
@@ -43,7 +43,8 @@ def random_holds(
     Raises
     ------
     DataError
-        If a range is empty or the duration is shorter than a sample.
+        If `lower` is not below `upper`, `shortest` is not above 0 or exceeds `longest`, or the duration is shorter than
+        a sample.
     """
     require_generator(rng)
     n = sample_count("duration", duration, sample_time)
@@ -63,10 +64,11 @@ def random_holds(
 def staircase(
     sample_time: float, lower: float = 1.1, upper: float = 3.75, levels: int = 6, hold: float = 300.0
 ) -> NDArray[np.float64]:
-    """Return a staircase of equal steps up and down again, with each level held.
+    """Return a staircase that rises in equal steps from the lowest to the highest level, and falls again.
 
-    Each level except the highest is held twice, on the way up and on the way down. During a hold, creep continues the
-    motion in the direction of the last step; hysteresis does not, but it makes the readings of the two holds differ.
+    Each level except the highest is held twice, on the way up and on the way down. The response distinguishes creep
+    from hysteresis. With creep, the motion continues during each hold, in the direction of the last step. With
+    hysteresis, the film is at rest during the holds, but the reading differs between the two holds at one level.
 
     Parameters
     ----------
@@ -82,12 +84,12 @@ def staircase(
     Returns
     -------
     (n,) array
-        Commands, V, of ``2 * levels - 1`` holds.
+        Commands, V, with ``2 * levels - 1`` holds.
 
     Raises
     ------
     DataError
-        If there are fewer than two levels, the range is empty, or the hold is shorter than a sample.
+        If there are fewer than two levels, `lower` is not below `upper`, or the hold is shorter than a sample.
 
     Examples
     --------
@@ -111,18 +113,18 @@ def triangles(
 ) -> NDArray[np.float64]:
     """Return triangle waves at several rates, one after the other.
 
-    If the loop of reading over command stays open at low rates, the plant has hysteresis; the loop of a linear lag
-    closes.
+    The response distinguishes hysteresis from a linear lag. At decreasing rates, the loop of reading over command stays
+    open with hysteresis, and closes with a lag.
 
     Parameters
     ----------
     sample_time : float
         Time between two samples, s.
     lower, upper : float
-        Start and peak of each triangle, V.
+        Lowest and highest command of each triangle, V; a cycle starts at `lower`.
     rates : sequence of float
-        Frequencies of the cycles, Hz. Each cycle is rounded to an even number of samples, so that one sample lies at
-        the peak.
+        Frequencies of the triangle waves, Hz. Each cycle is rounded to an even number of samples, so that one sample
+        lies at the peak.
     cycles : int
         Number of cycles at each rate, at least one.
 
@@ -134,8 +136,8 @@ def triangles(
     Raises
     ------
     DataError
-        If there are no rates or cycles, the range is empty, or a rate is not between 0 and half the sample
-        rate.
+        If there are no rates or no cycles, `lower` is not below `upper`, or a rate is not above 0 or exceeds half the
+        sample rate.
     """
     _check_range(lower, upper)
     rates = real_numbers(rates, "rates").ravel().tolist()

@@ -18,11 +18,11 @@ def linear_chirp(
     mean: float = 2.4,
     amplitude: float = 0.3,
 ) -> NDArray[np.float64]:
-    """Return a sine on a bias whose frequency changes linearly with time.
+    """Return a bias plus a sine whose frequency changes linearly with time.
 
-    The signal starts at the bias and rises first. By default the sweep ends near the resonance of the ball-loaded
-    diaphragm at 2.4 V. The frequency of this resonance, sqrt(g/z)/2π with the gravity g, gives the sag z even if the
-    sensor's zero is unknown.
+    The signal starts at the bias and rises first. By default, the frequency ends near the resonance of the diaphragm
+    with its ball at 2.4 V. The frequency f of this resonance gives the sag of the diaphragm under the ball, g/(2πf)²
+    with the gravity g, even if the sensor's zero is unknown.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def linear_chirp(
     sample_time : float
         Time between two samples, s.
     first, last : float
-        Frequency at the beginning and at the end, Hz; above 0 and at most half the sample rate.
+        Frequencies at the beginning and at the end, Hz; above 0 and at most half the sample rate.
     mean : float
         Bias, V.
     amplitude : float
@@ -62,10 +62,10 @@ def logarithmic_chirp(
     mean: float = 2.4,
     amplitude: float = 0.3,
 ) -> NDArray[np.float64]:
-    """Return a sine on a bias whose frequency changes exponentially with time.
+    """Return a bias plus a sine whose frequency changes exponentially with time.
 
-    The signal starts at the bias and rises first. Each octave takes the same time, so that slow and fast dynamics get
-    equal shares of the experiment.
+    The signal starts at the bias and rises first. The frequency passes through every octave in the same time, so that
+    slow and fast dynamics get equal shares of the experiment.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def logarithmic_chirp(
     sample_time : float
         Time between two samples, s.
     first, last : float
-        Frequency at the beginning and at the end, Hz; above 0, at most half the sample rate, and not equal.
+        Frequencies at the beginning and at the end, Hz; above 0, at most half the sample rate, and not equal.
     mean : float
         Bias, V.
     amplitude : float

@@ -39,18 +39,18 @@ _BUILD = """<?xml version="1.0" encoding="UTF-8"?>
 
 @taking(source=instance(SampledSource), path=file_name)
 def export_cosimulation(source: SampledSource, path: str | Path) -> Path:
-    """Export a sampled system as an FMU for co-simulation, with its source and a binary for this computer.
+    """Export a sampled system as an FMU (functional mock-up unit, FMI 3.0) for co-simulation.
 
-    One step is one sample, during which the inputs are held constant; the outputs are their values after the sample. A
-    longer communication step covers several samples; the FMU answers a step that ends between two samples with
-    ``fmi3Error``.
+    The FMU contains the C source and a binary for this computer. A communication step covers one or more whole samples,
+    during which the inputs are held constant. After the step, the outputs have their values at the end of the last
+    sample. If a communication step ends between two samples, the FMU returns ``fmi3Error``.
 
     Parameters
     ----------
     source : SampledSource
-        Sampled system; its name is the model identifier.
+        Sampled system; `SampledSource.name` becomes the model identifier.
     path : path
-        File to write, ``.fmu``; it is replaced as a whole.
+        File to write, ``.fmu``; an existing file is replaced.
 
     Returns
     -------

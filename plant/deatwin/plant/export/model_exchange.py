@@ -42,18 +42,19 @@ _FRESH = "  m->up_to_date = 0;\n"
 
 @taking(path=file_name)
 def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant") -> Path:
-    """Export a plant as an FMU for model exchange, with its source and a binary for this computer.
+    """Export a plant as an FMU (functional mock-up unit, FMI 3.0) for model exchange.
 
-    The command is a discrete input, which the importing tool holds constant between events. The outputs are the
-    readings and further signals, such as ``signal.film_voltage``. A reading that is a mean over a sample, such as a
-    current, is not among the outputs. The independent variable is the time on the experiment's clock.
+    The FMU contains the C source and a binary for this computer. The command is a discrete input, which the importing
+    tool holds constant between events. The outputs are the readings and other signals of the plant, such as
+    ``signal.film_voltage``. A reading that is a mean over a sample, such as a current, is not among the outputs. The
+    independent variable is the time on the experiment's clock.
 
     Parameters
     ----------
     plant : Plant
-        Plant without effects that need past commands.
+        Plant whose equations contain no earlier commands; an effect such as `Delay` adds earlier commands.
     path : path
-        File to write, ``.fmu``; it is replaced as a whole.
+        File to write, ``.fmu``; an existing file is replaced.
     name : str
         Model identifier; a valid C identifier.
 
@@ -65,8 +66,10 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
     Raises
     ------
     ModelError
-        If the plant has no state of rest, an effect cannot be exported this way, or CasADi, the FMI headers or a C
-        compiler is missing.
+        If the plant has no state of rest, the equations contain earlier commands, the installed CasADi is too old, or
+        the FMI headers or a C compiler is missing.
+    DataError
+        If the file cannot be written.
     """
     require_plant(plant, "an export")
     require_identifier(name)

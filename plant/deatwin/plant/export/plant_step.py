@@ -111,7 +111,7 @@ $channels
 
 
 def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
-    """Return the C source of a plant, with its present parameter values as constants.
+    """Return the C source of a plant, with the present values of the plant's parameters as constants.
 
     Parameters
     ----------
@@ -123,8 +123,10 @@ def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
     Returns
     -------
     SampledSource
-        Source whose input ``u`` holds the command, then further measured channels, and whose output ``y`` holds the
-        noise-free readings at the end of the sample, then the watched signals. All are SI except the command.
+        C source. The input array ``u`` of the step function holds the command, followed by the measured channels on
+        which the plant depends, such as a temperature. The output array ``y`` holds the noise-free readings at the end
+        of the sample, followed by other signals of the plant, such as the film voltage. All are in SI units except the
+        command.
 
     Raises
     ------

@@ -48,22 +48,23 @@ class Signal:
 
 @dataclass(frozen=True, kw_only=True)
 class SampledSource:
-    """A sampled system as C source.
+    """Sampled system as C source with a step function, which computes one sample per call.
 
     Parameters
     ----------
     name : str
         Prefix of all names in the source; a valid C identifier.
     text : str
-        Text of the C file.
+        Content of the C file.
     sample_time : float
         Sample time, s.
     inputs, outputs : tuple of Signal
-        Inputs in the order of ``u``, and outputs in the order of ``y``.
+        Names, units and values at rest of the inputs and outputs, in the order of the arrays ``u`` and ``y`` of the
+        step function.
     description : str
         Description of the system in one line.
     has_clock : bool
-        True if the state has a member ``start``, the clock time of the first sample in s.
+        True if the C structure of the state has a member ``start``, the clock time of the first sample in s.
     """
 
     name: str

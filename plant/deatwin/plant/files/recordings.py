@@ -94,46 +94,49 @@ def read_recordings(
     Parameters
     ----------
     path : str or Path
-        File to read. Add the sheet of a workbook with several sheets: ``lab.xlsx#Sheet2``.
+        File to read. For one sheet of a workbook, append its name: ``lab.xlsx#Sheet2``.
     input_column, output_column : str, optional
-        Header of the input and of the output, or the position, ``"#2"`` for the second column. By default the columns
-        that the file declares, else ``command`` and ``displacement``. The unit may be given in the header, in a line
-        of units, in an attribute, or here after an equals sign, ``"#2=mm"``.
+        Column of the input and column of the output: the header, or the position, ``"#2"`` for the second column. By
+        default, the columns that the file declares as input and output, else the columns ``command`` and
+        ``displacement``. The unit is read from the header, from a line of units or from an attribute of the column. It
+        can also be given here after an equals sign: ``"#2=mm"``.
     time_column : str, optional
-        Header or position of the times; by default the column called ``time`` or similar, else the one with a unit of
-        time. The unit comes from the header or follows an equals sign, ``"Timestamp=ms"``; otherwise it is the second.
-        For dates, ``"Date=dmy"``, ``mdy`` or ``ymd`` gives the order; ``"UTC=hhmmss"`` reads 143005.25 as 14:30:05.25.
-        With dates and Unix times, the clock's zero is at the first sample, whose date is kept in the provenance as
-        ``clock_began``.
+        Column of the times: the header, or the position. By default, the column called ``time`` or similar, else the
+        column with a unit of time. The unit is read from the header, or given here after an equals sign:
+        ``"Timestamp=ms"``. Without a unit, the times are in s. For dates, give the order of day, month and year:
+        ``"Date=dmy"``, ``"Date=mdy"`` or ``"Date=ymd"``. ``"UTC=hhmmss"`` reads 143005.25 as 14:30:05.25. Time 0 of
+        dates and of Unix times is the first sample; the provenance states its date as ``clock_began``.
     allow_gaps : bool, default False
-        If True, split the record at its gaps and keep the clock; otherwise a gap is an error.
+        If True, the data are split at gaps into several recordings on one clock; otherwise a gap is an error.
     dt : float, optional
-        Sample time, s, of a file without times. The times of other files must agree with it.
+        Sample time, s, for a file without times. If the file has times, they must agree with `dt`.
     resample : float, optional
-        New sample time, s, of an even clock; see `deatwin.plant.resample`. Use it for uneven times, and for files that
-        were sampled faster than needed.
+        New sample time, s; see `deatwin.plant.resample`. Use it for unevenly spaced times, and for files that were
+        sampled faster than needed.
     reading : ReadingTime
-        Time within a sample at which the reading is taken; it also applies to samples that `resample` makes.
+        Time within a sample at which the reading is taken, also after resampling.
     input_unit, output_unit : str, optional
-        Unit of input and output in the recording, SI by default. A column with exactly this unit is used unchanged, a
-        column with another known unit of the same kind is converted; "1" means numbers without a unit. If `output_unit`
-        is given, an output column whose unit is not known is refused; without it, the values are used unchanged.
+        Unit of the input and of the output in the returned recording; SI by default. A column in another unit of the
+        same kind is converted; ``"1"`` is the unit of plain numbers. An output column without a unit is an error if
+        `output_unit` is given and is not ``"1"``. All other columns without a unit are used unchanged.
     rig : RigFile, optional
-        Rig file; commands far outside its rig's range raise an error, and its further readings are read.
+        Rig file. Commands far outside the rig's range, or displacements larger than the rig, raise an error. The
+        further readings that the rig file lists are read as `readings`, unless `readings` are given.
     readings : sequence of Reading, optional
-        Further readings, whose columns become extra channels under their names. A missing value is NaN.
+        Further readings besides the output. Each becomes an extra channel with the name of the reading, in which NaN
+        marks a missing value.
 
     Returns
     -------
     tuple of Recording
-        One recording, or with `allow_gaps` one for each stretch between gaps.
+        One recording; with `allow_gaps`, one recording for each part between gaps.
 
     Raises
     ------
     DataError
-        If the file is missing, empty, damaged or of an unknown format; lacks a column or the times; contains a value
-        that is not a number, times that do not increase, a gap, uneven sampling, or commands far outside the rig's
-        range; or if a package for the format is not installed.
+        If the file cannot be read, or a package for its format is not installed; if a column or its unit cannot be
+        determined; if a value is not a number; or if the times do not increase, are unevenly spaced or have gaps
+        without the options for this.
     """
     asked = {"input": input_column, "output": output_column, "time": time_column}
     units = {"input": input_unit, "output": output_unit}
@@ -162,7 +165,7 @@ def read_commands(
     input_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
-    """Read only the commands of a file, which needs no output column.
+    """Read only the commands of a file; the file needs no output column.
 
     Parameters
     ----------
@@ -172,7 +175,7 @@ def read_commands(
     Returns
     -------
     Recording
-        Recording with inputs only.
+        Recording without outputs.
 
     Raises
     ------
@@ -186,7 +189,7 @@ def read_commands(
 
 
 def read_recording(path: str | Path, **options: Unpack[_Options]) -> Recording:
-    """Read one recording without gaps.
+    """Read a file that contains one recording without gaps.
 
     Parameters
     ----------
@@ -198,6 +201,7 @@ def read_recording(path: str | Path, **options: Unpack[_Options]) -> Recording:
     Returns
     -------
     Recording
+        The recording.
 
     Raises
     ------
@@ -211,21 +215,22 @@ def read_recording(path: str | Path, **options: Unpack[_Options]) -> Recording:
 def read_experiment(
     paths: Iterable[str | Path] | str | Path, *, allow_gaps: bool = False, **options: Unpack[_Options]
 ) -> Experiment:
-    """Read the recordings of one experiment, which share one clock.
+    """Read the recordings of one experiment, from one file or several.
 
     Parameters
     ----------
     paths : iterable of (str or Path), str or Path
-        Files, in any order, or one file. Files with dates as times, and TDMS waveforms with a start time (``wf_start_time``), are
-        placed on the clock of the earliest file.
+        Files, in any order, or one file. Dated files have dates as times, or are TDMS files with a ``wf_start_time``;
+        their times are converted to the clock of the earliest file. The times of other files must be on one clock.
     allow_gaps : bool, default False
-        If True, split records at their gaps and keep the clock; otherwise a gap is an error.
+        If True, the data are split at gaps into several recordings on one clock; otherwise a gap is an error.
     **options
         Other options of `read_recordings`, the same for all files.
 
     Returns
     -------
     Experiment
+        The recordings, sorted by start time.
 
     Raises
     ------
@@ -239,16 +244,18 @@ def read_experiment(
 
 @taking(path=file_name, recording=instance(Recording, error=DataError))
 def write_recording(path: str | Path, recording: Recording) -> None:
-    """Write a recording to a file that `read_recording` reads back to the last bit.
+    """Write a recording to a file, from which `read_recording` reads exactly the same values.
+
+    A CSV file has one column for each signal, with the name and the unit of the signal as its header. Where the columns
+    cannot hold the whole recording, such as its provenance, a first line that begins with ``# deatwin/recording/1``
+    holds the rest. The other formats hold the values in SI units.
 
     Parameters
     ----------
     path : str or Path
         File to write, ``.csv``, ``.mat``, ``.tdms`` or ``.nc``; it is written completely or not at all.
     recording : Recording
-        Recording to write. In CSV, the header of a column is deatwin's default header for the signal, or else the
-        signal's name and SI unit; a line ``# deatwin/recording/1`` above the header holds names, provenance or a sample
-        time that the columns cannot hold. The other formats use SI units and hold the same description.
+        Recording to write.
 
     Raises
     ------
@@ -262,20 +269,21 @@ def write_recording(path: str | Path, recording: Recording) -> None:
 
 @taking(path=file_name, columns=instance(Mapping, error=DataError))
 def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
-    """Write columns to a CSV file; reading it back gives exactly the same numbers.
+    """Write columns of numbers to a CSV file, with as many digits as an exact copy needs.
 
     Parameters
     ----------
     path : str or Path
         File to write; it is written completely or not at all.
     columns : mapping of str to (n,) array_like
-        Values by header. End a header with an underscore and the unit, such as ``displacement_m``, so that
-        `read_recordings` knows the unit. A header must not hold a comma, a quote or a line break.
+        Values of each column, by header. A header that ends with an underscore and a unit, such as ``displacement_m``,
+        tells `read_recordings` the unit. A header must not contain a comma, a double quote or a line break.
 
     Raises
     ------
     DataError
-        If the columns differ in length or are not one-dimensional, or a header holds one of these characters.
+        If the columns differ in length or are not one-dimensional, if a header contains a forbidden character, or if
+        the file cannot be written.
     """
     values = {name: real_numbers(column, f"{path}: the column {name}") for name, column in columns.items()}
     shapes = {column.shape for column in values.values()}
@@ -289,7 +297,7 @@ def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
 
 @taking(path=file_name, text=instance(str, error=DataError))
 def write_text_atomic(path: str | Path, text: str) -> None:
-    """Write a UTF-8 text file atomically, so that no reader sees half of it.
+    """Write a UTF-8 text file atomically, so that no other program can read a half-written file.
 
     Parameters
     ----------

@@ -19,8 +19,8 @@ class ParameterDrift(Effect):
 
     .. math:: p(t) = p\,\bigl[1 + a(1 - e^{-t/\tau})\bigr]
 
-    The effect has no state: the drift depends only on the time, and begins at time 0. p is the plant's parameter.
-    Signature: the motion changes slowly, in the way in which it changes when this parameter changes. The effect is off
+    p is the value of the plant's parameter at time 0. The effect has no state: the drift depends only on the time, and
+    begins at time 0. Signature: the reading changes slowly, as it does if this parameter is changed. The effect is off
     at a = 0.
 
     Parameters
@@ -30,8 +30,7 @@ class ParameterDrift(Effect):
     time : float
         :math:`\tau`, the time constant of the drift, s.
     parameter : str
-        Name of the plant's parameter that drifts. The effect's name contains the parameter's name, as in
-        ``drift_of_stiffness``.
+        Name of the plant's parameter that drifts.
 
     References
     ----------
@@ -48,7 +47,7 @@ class ParameterDrift(Effect):
 
     @property
     def name(self) -> str:  # type: ignore[override]
-        """Canonical name."""
+        """Name of the effect, which contains the name of the parameter: ``drift_of_stiffness``."""
         return f"drift_of_{self.parameter}"
 
     @property
@@ -58,7 +57,7 @@ class ParameterDrift(Effect):
 
     @property
     def wording(self) -> str:  # type: ignore[override]
-        """Sentence of a verdict."""
+        """Sentence about the effect, with the names of its parameters in braces."""
         words = self.parameter.replace("_", " ").replace("{", "{{").replace("}", "}}")
         return f"The parameter {words} drifts towards a final change of {{relative_change}} with a time constant of {{time}}"
 

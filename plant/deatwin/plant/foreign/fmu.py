@@ -40,27 +40,28 @@ belongs to the sample that ends."""
 
 @dataclass(frozen=True, kw_only=True)
 class FmuModel:
-    """An FMU (functional mock-up unit) as the callable of a `ForeignRig`; `FmuModel.of` makes it from a file.
+    """FMU (functional mock-up unit) as the callable of a `ForeignRig`; make it with `FmuModel.of`.
 
-    The call ``model(parameters, inputs, time)`` runs a new instance of the FMU and returns its readings; `ForeignRig`
-    states types and shapes. Inputs and readings are in SI units, parameters in the units that the FMU declares.
+    The call ``model(parameters, inputs, time)`` simulates a new instance of the FMU and returns the readings. The
+    arguments are described in `ForeignRig`. Inputs and readings are in SI units; parameters are in the units that the
+    FMU declares.
 
     Parameters
     ----------
     path : str
         File of the FMU.
     digest : str
-        SHA-256 of the file, which identifies the version of the FMU that gave a result.
+        SHA-256 of the file. An FMU whose file has changed is not simulated.
     inputs : tuple of str
-        Variables that are inputs.
+        Names of the input variables, the command first.
     output : str
-        Variable that is read.
+        Name of the variable that is read.
     kind : str
         ``"co-simulation"`` or ``"model exchange"``.
     reading : ReadingTime
         Time within a sample at which the reading is taken.
     units : tuple of tuple of str
-        Units of inputs and output in the FMU: pairs of a name and a unit.
+        Pairs of a variable's name and its unit in the FMU, for all inputs and the output.
     """
 
     path: str
@@ -82,27 +83,29 @@ class FmuModel:
         reading: ReadingTime = ReadingTime.END_OF_HOLD,
         units: Mapping[str, str] | None = None,
     ) -> Self:
-        """Return the model of an FMU.
+        """Make the model from the file of an FMU.
 
         Parameters
         ----------
         path : str or path-like
-            The FMU.
+            File of the FMU.
         inputs : tuple of str
-            Variables that are inputs, the command first.
+            Names of the input variables, the command first.
         output : str
-            Variable that is read.
+            Name of the variable that is read.
         kind : str, optional
-            ``"co-simulation"`` or ``"model exchange"``; the first of them that the FMU offers by default.
+            ``"co-simulation"`` or ``"model exchange"``. By default co-simulation if the FMU offers it, otherwise model
+            exchange.
         reading : ReadingTime
             Time within a sample at which the reading is taken.
         units : mapping of str to str, optional
-            Units of inputs and output that the FMU does not declare.
+            Units of inputs and output, by name. They replace the units that the FMU declares.
 
         Raises
         ------
         RigError
-            If the file is not an FMU, or has no such variable or kind, or the reading is no `ReadingTime`.
+            If the file cannot be read as an FMU, a variable does not exist or is not real, the FMU does not offer
+            `kind`, or `reading` is not a `ReadingTime`.
         """
         require_reading_time(reading, RigError)
         where, digest = os.path.abspath(path), _digest(path)
@@ -136,8 +139,8 @@ class FmuModel:
         Returns
         -------
         str
-            SI unit of the same kind as the FMU's unit; the FMU's own unit if it is not known here, ``"1"`` if there is
-            none.
+            SI unit of the same quantity as the variable's unit in the FMU. A unit that deatwin does not know is
+            returned unchanged; the unit of a variable without a unit is ``"1"``.
         """
         text = dict(self.units)[name]
         return self._unit(name).si or text or "1"

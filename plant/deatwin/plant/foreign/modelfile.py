@@ -54,17 +54,17 @@ OF_PARAMETER = ("value", "lower", "upper", "unit", "logarithmic", "known", "vary
 
 @taking(path=file_name)
 def read_model_file(path: str | os.PathLike[str]) -> Plant:
-    """Read a model file.
+    """Return the plant that a model file describes: a model written elsewhere, with its input, output and parameters.
 
     Parameters
     ----------
     path : str or path-like
-        TOML file; the page "Models written elsewhere" explains its sections and keys.
+        Model file, in TOML; the page "Models written elsewhere" explains its sections and keys.
 
     Raises
     ------
     RigError
-        If the file or the model that it names cannot be read, or a key is missing, unknown or wrong.
+        If the model file or the model itself cannot be read, or a key of the model file is missing, unknown or wrong.
     """
     return ModelFile.of(TomlFile.read(path, "model file")).read()
 

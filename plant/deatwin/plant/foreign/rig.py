@@ -28,54 +28,57 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ForeignRig(Rig):
-    """A rig whose readings are computed by a Python callable.
+    """Rig whose readings are computed by a Python callable, the model.
 
-    The callable is ``model(parameters, inputs, time) -> readings``: `parameters` maps names to values, `inputs` maps
-    the names of the command and of the channels to arrays of shape (n,), and `time`, s, has shape (n,). The callable
-    returns the readings at these times, as an array of shape (n,) or a mapping of names to such arrays. The model must
-    be deterministic: the same arguments give the same readings. The times are uniform, from the first sample of an
-    experiment to the last; the model itself sets its initial state.
+    The call is ``model(parameters, inputs, time)``. `parameters` is a mapping of names to values. `inputs` is a mapping
+    of the names of the command and of the channels to arrays of shape (n,). `time` (s) is an array of shape (n,) with
+    uniform times from the first to the last sample of an experiment. The model returns the readings at these times, as
+    an array of shape (n,) or as a mapping of names to such arrays. The model sets its own initial state, and it must be
+    deterministic: the same arguments give the same readings.
 
-    Effects act on the command, on the readings, and on the parameters in `varying`. Effects act on the command first;
-    the callable then gets the mean of the changed command over each sample. Derivatives are central differences, which
-    worker processes compute side by side if the callable can be pickled. An error or a crash of the callable ends only
-    the simulation in which it occurs.
+    Effects can change the command, the readings, and the parameters in `varying`. If an effect changes the command
+    within a sample, the model gets the mean of the changed command over the sample. Derivatives of the readings with
+    respect to parameters are central differences. Worker processes compute them in parallel if the model can be
+    pickled. An error or a crash of the model ends only the simulation in which it occurs.
 
     Parameters
     ----------
     model : callable
-        The model; a function, or an object that can be hashed.
+        The model: a function, or a hashable object that can be called.
     parameters : tuple of Parameter
         Parameters of the model, with values, units and ranges.
     sizes : Sizes
-        Typical command, reading and time constant of the motion; they scale the ranges of effects.
+        Typical command, motion and time constant, to which the effects of the catalogue are scaled.
     input_name, input_unit : str
         Name and unit of the command.
     output_name, output_unit : str
         Name and unit of the reading.
     channels : tuple of tuple of str and float
-        Further measured inputs: pairs of a name and the value that applies if a recording lacks it.
+        Further measured inputs of the model: pairs of a name and a value. The value is used if a recording lacks the
+        channel.
     rest_command : float
-        Command before the first sample, in its unit.
+        Command before the first sample, in `input_unit`.
     varying : tuple of str
-        Parameters that may drift: with a `ParameterDrift` the model gets an array of shape (n,) in place of the number.
+        Names of the parameters that may drift. If a `ParameterDrift` acts on a parameter, the model gets an array of
+        shape (n,) as the value of that parameter.
     step : float
-        Step of the central differences, relative to the parameter's value or, for a parameter with a linear scale, to a
-        tenth of its range if that is larger. It should be at least the cube root of the relative numerical error of the
-        readings (with an adaptive solver, of its tolerance).
+        Relative step of the central differences. It is relative to the parameter's value, or to a tenth of the
+        parameter's range if the scale of the parameter is linear and a tenth of the range is larger. The step should be
+        at least the cube root of the relative numerical error of the readings; for an adaptive solver, this error is
+        its tolerance.
     longest : float
         Longest time that a run of the model in a worker process may take, s; a longer run counts as crashed. Infinite
         by default.
     sample_time, noise, reading, model_error, command_range, chain, supply
-        Properties that every `Rig` has.
+        Same as in `Rig`.
     further : tuple of Reading
-        Must be empty: a foreign model gives one reading.
+        Must be empty, because a foreign model gives one reading.
 
     Raises
     ------
     RigError
-        If the model cannot be called or hashed, the sizes are not `Sizes`, `step` or `longest` is not above 0, a name
-        or a unit is not a text, a varying parameter is unknown, or there are further readings.
+        If the model is not callable or not hashable, `sizes` is not a `Sizes`, `step` or `longest` is not above 0, a
+        name or a unit is not text, a name in `varying` is not that of a parameter, or `further` is not empty.
     """
 
     model: Model
@@ -94,7 +97,7 @@ class ForeignRig(Rig):
     kind: ClassVar[str] = "foreign"
     equations_known: ClassVar[bool] = False
     follows_at_once: ClassVar[bool] = True
-    """The command is a mean over each sample, so that a delay need not divide the sample."""
+    """True, because the model gets one command for each sample, the mean over the sample."""
 
     def __post_init__(self) -> None:
         if not callable(self.model):
@@ -125,7 +128,7 @@ class ForeignRig(Rig):
 
     @property
     def start(self) -> StartProcedure:
-        """Start of an experiment: from `rest_command`. The callable sets the initial state of the model itself."""
+        """Start of an experiment: at `rest_command`. The model sets its own initial state."""
         return StartProcedure(rest_command=self.rest_command)
 
     def effects(self) -> tuple[Effect, ...]:
@@ -188,7 +191,7 @@ class ForeignRig(Rig):
         Parameters
         ----------
         data : str or mapping
-            ``module:name``, or the fields of an FMU.
+            Name of a function, ``module:name``, or the fields of an `FmuModel`.
 
         Raises
         ------

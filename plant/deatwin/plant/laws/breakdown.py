@@ -11,22 +11,22 @@ Symbol = Any  # a CasADi SX, MX, DM, a float or an array
 
 @dataclass(frozen=True, kw_only=True)
 class BreakdownLaw:
-    r"""Power law of the breakdown field, :math:`E_B = E_1\,(h/h_1)^p\,\lambda^q`, from films of equal-biaxial stretch.
+    r"""Power law of the breakdown field of a film, :math:`E_B = E_1\,(h/h_1)^p\,\lambda^q`.
 
-    h is the present thickness of the film and :math:`\lambda` its stretch.
+    h is the present thickness of the film and :math:`\lambda` its equal-biaxial stretch.
 
     Parameters
     ----------
     field : float
         :math:`E_1`, breakdown field of an unstretched film of thickness :math:`h_1`, V/m.
     thickness : float
-        :math:`h_1`, the thickness for which `field` holds, m.
+        :math:`h_1`, the thickness to which `field` belongs, m.
     thickness_power : float
-        p; negative, because a thin film withstands more.
+        p, the exponent of the thickness; negative if a thinner film withstands a higher field.
     stretch_power : float
-        q, exponent of the stretch.
+        q, the exponent of the stretch.
     source : str
-        Publication of the numbers.
+        Publication from which the numbers are taken.
     """
 
     field: float
@@ -43,9 +43,8 @@ class BreakdownLaw:
         thickness : casadi.SX, float or array
             Present thickness :math:`H/(\lambda_1\lambda_2)`, m.
         stretch_1, stretch_2 : casadi.SX, float or array
-            Principal in-plane stretches. If they differ, the law uses :math:`\sqrt{\lambda_1\lambda_2}`, the equal
-            stretch that thins the film as much; this is an assumption, since the films of the sources had equal
-            stretches.
+            Principal in-plane stretches. The stretch in the law is assumed to be :math:`\sqrt{\lambda_1\lambda_2}`; the
+            published films had equal stretches.
 
         Returns
         -------

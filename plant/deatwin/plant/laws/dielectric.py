@@ -37,9 +37,9 @@ def electric_energy(stretch_1: Any, stretch_2: Any, permittivity: Any, nominal_f
 
     .. math:: w_e = -\tfrac{\varepsilon_r\varepsilon_0}{2}\tilde E^2(\lambda_1\lambda_2)^2
 
-    :math:`\varepsilon_0` is the permittivity of vacuum. The derivative of the co-energy with respect to a stretch gives
-    the Maxwell stress :math:`\varepsilon E^2` of an ideal dielectric elastomer, with the true field E and
-    :math:`\varepsilon = \varepsilon_r\varepsilon_0`.
+    :math:`\varepsilon_0` is the permittivity of vacuum. For a constant permittivity,
+    :math:`\lambda_i\,\partial w_e/\partial\lambda_i = -\varepsilon_r\varepsilon_0E^2` with the true field E: the
+    magnitude is the Maxwell stress.
 
     Parameters
     ----------
@@ -63,14 +63,16 @@ def electric_energy(stretch_1: Any, stretch_2: Any, permittivity: Any, nominal_f
 
 
 def maxwell_stress(permittivity: Symbol, field: Symbol) -> Symbol:
-    r"""Maxwell stress :math:`\varepsilon_r\varepsilon_0E^2`: pressure across the film, or loss of tension along it.
+    r"""Maxwell stress :math:`\varepsilon_r\varepsilon_0E^2` of the field across a film.
+
+    The stress acts as a pressure on the faces of the film or, equivalently, as a loss of in-plane tension.
 
     Parameters
     ----------
     permittivity : casadi.SX or float
-        :math:`\varepsilon_r`, relative permittivity.
+        :math:`\varepsilon_r`, the relative permittivity.
     field : casadi.SX or float
-        E, true field, voltage divided by the present thickness, V/m.
+        E, the true field: voltage divided by the present thickness, V/m.
 
     Returns
     -------
@@ -87,24 +89,22 @@ def maxwell_stress(permittivity: Symbol, field: Symbol) -> Symbol:
 def maxwell_strain(
     permittivity: Symbol, field: Symbol, elastic_modulus: Symbol, poissons_ratio: Symbol = 0.5
 ) -> Symbol:
-    r"""Small strain of a free film across its thickness, :math:`-\tfrac12(1+2\nu)\,\varepsilon E^2/Y`.
+    r"""Small thickness strain of a free film by Maxwell stress, :math:`-\tfrac12(1+2\nu)\,\varepsilon E^2/Y`.
 
-    In its plane, an incompressible film stretches by half the magnitude of this strain. With a Poisson's ratio
-    :math:`\nu` of 0, the equation is eq. 2.2 of the thesis of W. R. Jacobs, which takes only the attraction of the
-    electrodes into account. For a neo-Hookean film, the relative error of the equation is 0.4 % at 10 % strain, and 7 %
-    at pull-in, which is at 37 % strain. With the nominal field (voltage divided by undeformed thickness), the result is
-    19 % too small at 10 % strain.
+    The in-plane strain of an incompressible film is half the magnitude of this strain. With :math:`\nu` = 0, the
+    equation is eq. 2.2 of the thesis of W. R. Jacobs, which includes only the attraction of the electrodes. For a
+    neo-Hookean film, the relative error of the equation is 0.4 % at 10 % strain, and 7 % at pull-in (37 % strain).
 
     Parameters
     ----------
     permittivity : casadi.SX or float
         Relative permittivity :math:`\varepsilon/\varepsilon_0`, independent of strain.
     field : casadi.SX or float
-        E, the true field, V/m.
+        E, the true field: voltage divided by the present thickness, V/m.
     elastic_modulus : casadi.SX or float
-        Y in Pa; three times the shear modulus of an incompressible film.
+        Y, the elastic modulus, Pa; three times the shear modulus of an incompressible film.
     poissons_ratio : casadi.SX or float
-        Poisson's ratio; one half for an incompressible film.
+        :math:`\nu`, Poisson's ratio; one half for an incompressible film.
 
     Returns
     -------
@@ -115,19 +115,19 @@ def maxwell_strain(
 
 
 def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Symbol) -> Symbol:
-    r"""Small electrostrictive strain across the film, :math:`Q\varepsilon_0^2(\varepsilon_r - 1)^2E^2`.
+    r"""Small thickness strain of a film by electrostriction, :math:`Q\varepsilon_0^2(\varepsilon_r - 1)^2E^2`.
 
-    Eq. 2.1 of the thesis of W. R. Jacobs: the strain is proportional to the square of the polarisation
-    :math:`\varepsilon_0(\varepsilon_r - 1)E`.
+    The strain is proportional to the square of the polarisation :math:`\varepsilon_0(\varepsilon_r - 1)E`. The equation
+    is eq. 2.1 of the thesis of W. R. Jacobs.
 
     Parameters
     ----------
     permittivity : casadi.SX or float
-        :math:`\varepsilon_r`, relative permittivity.
+        :math:`\varepsilon_r`, the relative permittivity.
     field : casadi.SX or float
-        E, true field, V/m.
+        E, the true field: voltage divided by the present thickness, V/m.
     coefficient : casadi.SX or float
-        Q in m⁴/C²; negative if the film becomes thinner.
+        Q, the electrostrictive coefficient, m⁴/C²; negative if the film becomes thinner.
 
     Returns
     -------
@@ -138,21 +138,22 @@ def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Sy
 
 
 def effective_permittivity(permittivity: Symbol, coefficient: Symbol, elastic_modulus: Symbol) -> Symbol:
-    r"""Relative permittivity with which Maxwell stress alone causes the strain of Maxwell stress and electrostriction.
+    r"""Relative permittivity that contains the effect of electrostriction at small strain.
 
     .. math:: \varepsilon_\mathrm{eff} = \varepsilon_r - Y Q\,\varepsilon_0(\varepsilon_r - 1)^2
 
-    Both effects cause strains proportional to the square of the field. At small strain electrostriction only scales the
-    permittivity: displacement over voltage does not distinguish them, but a measurement of capacitance does.
+    With this permittivity, Maxwell stress alone causes the same strain as Maxwell stress and electrostriction together,
+    because both strains are proportional to the square of the field. A measurement of displacement over voltage
+    therefore cannot distinguish the two, whereas a measurement of capacitance can.
 
     Parameters
     ----------
     permittivity : casadi.SX or float
-        :math:`\varepsilon_r`, relative permittivity.
+        :math:`\varepsilon_r`, the relative permittivity.
     coefficient : casadi.SX or float
-        Q in m⁴/C², as in `electrostrictive_strain`.
+        Q, the electrostrictive coefficient as in `electrostrictive_strain`, m⁴/C².
     elastic_modulus : casadi.SX or float
-        Y of the incompressible film, Pa.
+        Y, the elastic modulus of the incompressible film, Pa.
 
     Returns
     -------
@@ -165,29 +166,30 @@ def effective_permittivity(permittivity: Symbol, coefficient: Symbol, elastic_mo
 def electrostriction_factors(
     permittivity: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
 ) -> tuple[Symbol, Symbol]:
-    r"""Factors by which electrostriction at large strain multiplies the Maxwell stress of a constant permittivity.
+    r"""Factors by which a permittivity that depends on the stretches multiplies the Maxwell stress.
 
     .. math:: f_i = 1 + \tfrac12\,\frac{\partial\ln\varepsilon}{\partial\ln\lambda_i}, \qquad
               \sigma_i = -f_i\,\varepsilon E^2
 
-    :math:`\sigma_i` is the Maxwell stress along direction i, E the true field. The factors :math:`f_i` follow from the
-    co-energy with the permittivity :math:`\varepsilon(\lambda_1, \lambda_2)`, so `electric_energy` with such a
-    permittivity already contains them. With `deatwin.plant.laws.stretched` the factors vary with the stretch: at small
-    strain electrostriction merely scales the permittivity, at large strain it does not.
+    :math:`\sigma_i` is the electric stress in direction i and E the true field. The dependence of
+    :math:`\varepsilon(\lambda_1, \lambda_2)` on the stretches describes electrostriction at large strain. The factors
+    follow from the co-energy: if such a permittivity is passed to `electric_energy`, the derivatives of the energy
+    already contain the factors.
 
     Parameters
     ----------
     permittivity : callable
-        Function ``permittivity(stretch_1, stretch_2, *parameters)``.
+        Function ``permittivity(stretch_1, stretch_2, *parameters)`` that returns :math:`\varepsilon`, such as
+        `deatwin.plant.laws.stretched`.
     stretch_1, stretch_2 : casadi.SX or float
-        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, the principal in-plane stretches.
     *parameters : casadi.SX or float
         Further arguments of `permittivity`.
 
     Returns
     -------
     tuple of casadi.SX
-        Factors along directions 1 and 2, dimensionless.
+        :math:`f_1` and :math:`f_2`, dimensionless.
 
     References
     ----------
@@ -207,16 +209,18 @@ def capacitance(
 ) -> Symbol:
     r"""Capacitance of a film between electrodes, :math:`C = \sum_k \varepsilon_k(\lambda_1\lambda_2)_k^2A_k/H`.
 
+    The sum is over points k that represent parts of the film.
+
     Parameters
     ----------
     permittivities : sequence of casadi.SX or float
-        :math:`\varepsilon_k/\varepsilon_0`, relative permittivity at each point k between the electrodes.
+        :math:`\varepsilon_k/\varepsilon_0`, the relative permittivity at each point.
     stretches : sequence of pairs of casadi.SX or float
-        :math:`\lambda_1, \lambda_2`, principal in-plane stretches at each point.
+        :math:`\lambda_1, \lambda_2`, the principal in-plane stretches at each point.
     areas : sequence of casadi.SX or float
-        :math:`A_k`, reference area that each point represents, m².
+        :math:`A_k`, the undeformed area of the part of the film that each point represents, m².
     thickness : casadi.SX or float
-        Undeformed thickness H, m.
+        H, the undeformed thickness of the film, m.
 
     Returns
     -------
@@ -228,23 +232,24 @@ def capacitance(
 
 
 def conduction_density(field: Symbol, conductivity: Symbol = 3.23e-14, field_scale: Symbol = 40e6) -> Symbol:
-    r"""Conduction current density through the film, :math:`j = \sigma_0\,e^{|E|/E_B}\,E`, per present area.
+    r"""Density of the conduction current through the film, :math:`j = \sigma_0\,e^{|E|/E_B}\,E`.
 
-    The current is odd in the field, so that it always dissipates energy.
+    The default values of :math:`\sigma_0` and :math:`E_B` are quoted from literature that cites the reference below;
+    they have not been checked in the reference itself.
 
     Parameters
     ----------
     field : casadi.SX or float
-        E, true field, V/m.
+        E, the true field: voltage divided by the present thickness, V/m.
     conductivity : casadi.SX or float
-        :math:`\sigma_0` at low field, S/m. The default is quoted from later literature and is unconfirmed.
+        :math:`\sigma_0`, the conductivity at low field, S/m.
     field_scale : casadi.SX or float
-        :math:`E_B` in V/m. The default is from the same literature, and is unconfirmed too.
+        :math:`E_B`, the field that increases the conductivity by a factor of e, V/m.
 
     Returns
     -------
     casadi.SX or float
-        Current density, A/m².
+        Current density per present area, A/m².
 
     References
     ----------

@@ -19,7 +19,9 @@ Symbol = Any  # a CasADi SX, MX, DM or a float
 
 
 def first_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
-    r"""First invariant :math:`I_1 = \lambda_1^2 + \lambda_2^2 + (\lambda_1\lambda_2)^{-2}`.
+    r"""First invariant of a film's strain, :math:`I_1 = \lambda_1^2 + \lambda_2^2 + (\lambda_1\lambda_2)^{-2}`.
+
+    The film is incompressible.
 
     Parameters
     ----------
@@ -35,7 +37,9 @@ def first_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
 
 
 def second_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
-    r"""Second invariant :math:`I_2 = \lambda_1^{-2} + \lambda_2^{-2} + (\lambda_1\lambda_2)^2`.
+    r"""Second invariant of a film's strain, :math:`I_2 = \lambda_1^{-2} + \lambda_2^{-2} + (\lambda_1\lambda_2)^2`.
+
+    The film is incompressible.
 
     Parameters
     ----------
@@ -51,7 +55,9 @@ def second_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
 
 
 def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> Symbol:
-    r"""Neo-Hookean energy :math:`W = \tfrac{\mu}{2}(I_1 - 3)`; initial shear modulus :math:`\mu_0 = \mu`.
+    r"""Neo-Hookean energy :math:`W = \tfrac{\mu}{2}(I_1 - 3)`; the initial shear modulus is :math:`\mu`.
+
+    :math:`I_1` is the first invariant; see `first_invariant`.
 
     Parameters
     ----------
@@ -69,7 +75,9 @@ def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> 
 
 
 def mooney_rivlin(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol) -> Symbol:
-    r"""Mooney-Rivlin energy :math:`W = C_1(I_1 - 3) + C_2(I_2 - 3)`; initial shear modulus :math:`2(C_1 + C_2)`.
+    r"""Mooney-Rivlin energy :math:`W = C_1(I_1 - 3) + C_2(I_2 - 3)`; the initial shear modulus is :math:`2(C_1 + C_2)`.
+
+    :math:`I_1` and :math:`I_2` are the invariants; see `first_invariant` and `second_invariant`.
 
     Parameters
     ----------
@@ -91,14 +99,16 @@ def mooney_rivlin(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: S
 
 
 def yeoh(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol, third: Symbol) -> Symbol:
-    r"""Yeoh energy :math:`W = \sum_{k=1}^{3} C_k(I_1 - 3)^k`; initial shear modulus :math:`2C_1`.
+    r"""Yeoh energy :math:`W = \sum_{k=1}^{3} C_k(I_1 - 3)^k`; the initial shear modulus is :math:`2C_1`.
+
+    :math:`I_1` is the first invariant; see `first_invariant`.
 
     Parameters
     ----------
     stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     first, second, third : casadi.SX or float
-        :math:`C_1, C_2, C_3` in Pa; published sets call them :math:`C_{10}, C_{20}, C_{30}`.
+        :math:`C_1, C_2, C_3` in Pa; in publications often :math:`C_{10}, C_{20}, C_{30}`.
 
     Returns
     -------
@@ -119,16 +129,16 @@ def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
     .. math:: W = \sum_p \frac{\mu_p}{\alpha_p}\bigl(\lambda_1^{\alpha_p} + \lambda_2^{\alpha_p}
               + \lambda_3^{\alpha_p} - 3\bigr), \qquad \mu_0 = \tfrac12\sum_p\mu_p\alpha_p
 
-    :math:`\mu_0` is the initial shear modulus. Some programs write :math:`2\mu_p/\alpha_p^2` in place of
-    :math:`\mu_p/\alpha_p`, so that :math:`\mu_0 = \sum_p\mu_p`; multiply the moduli of such a program by
-    :math:`2/\alpha_p`.
+    :math:`\lambda_3 = 1/(\lambda_1\lambda_2)` is the stretch across the film and :math:`\mu_0` the initial shear
+    modulus. Some programs define the moduli with the factor :math:`2\mu_p/\alpha_p^2` instead of
+    :math:`\mu_p/\alpha_p`. Multiply moduli from such a program by :math:`2/\alpha_p`.
 
     Parameters
     ----------
     stretch_1, stretch_2 : casadi.SX or float
         :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     *terms : casadi.SX or float
-        Moduli in Pa and exponents in turn: :math:`\mu_1, \alpha_1, \mu_2, \alpha_2, \dots`.
+        Moduli in Pa, each followed by its exponent: :math:`\mu_1, \alpha_1, \mu_2, \alpha_2, \dots`.
 
     Returns
     -------
@@ -138,7 +148,7 @@ def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
     Raises
     ------
     ModelError
-        If there are no terms, or a modulus has no exponent.
+        If there are no terms, or the last modulus has no exponent.
 
     References
     ----------
@@ -153,7 +163,9 @@ def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
 
 
 def gent(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, stretch_limit: Symbol) -> Symbol:
-    r"""Gent energy :math:`W = -\tfrac{\mu J_m}{2}\ln\bigl(1 - (I_1-3)/J_m\bigr)`; initial shear modulus :math:`\mu`.
+    r"""Gent energy :math:`W = -\tfrac{\mu J_m}{2}\ln\bigl(1 - (I_1-3)/J_m\bigr)`.
+
+    The initial shear modulus is :math:`\mu`. :math:`I_1` is the first invariant; see `first_invariant`.
 
     Parameters
     ----------
@@ -162,7 +174,7 @@ def gent(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, stretch_li
     shear_modulus : casadi.SX or float
         :math:`\mu` in Pa.
     stretch_limit : casadi.SX or float
-        :math:`J_m`, the largest possible :math:`I_1 - 3`.
+        :math:`J_m`, the value of :math:`I_1 - 3` at which the energy becomes infinite.
 
     Returns
     -------
@@ -185,10 +197,9 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
               \beta = z\,\frac{3 - z^2}{1 - z^2} \approx \mathcal L^{-1}(z), \qquad
               z = \frac{1}{\lambda_L}\sqrt{\frac{I_1}{3}}
 
-    :math:`\mathcal L^{-1}` is the inverse Langevin function. The integral is :math:`z^2/2 - \ln(1 - z^2)`. Cohen's form
-    is exact at both ends and at most 4.94 % above the exact inverse, near z = 0.80. Wang et al. (J. Mech. Phys. Solids
-    95 (2016) 213) used Cohen's form to identify their parameter sets. The initial shear modulus is
-    :math:`\mu_0 = \mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
+    :math:`I_1` is the first invariant; see `first_invariant`. :math:`\mathcal L^{-1}` is the inverse Langevin function.
+    The error of Cohen's form is largest near z = 0.80, where the form exceeds the exact function by 4.94 %. The initial
+    shear modulus is :math:`\mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
 
     Parameters
     ----------
@@ -197,8 +208,8 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
     shear_modulus : casadi.SX or float
         :math:`\mu` in Pa.
     locking_stretch : casadi.SX or float
-        :math:`\lambda_L`, the largest chain stretch :math:`\sqrt{I_1/3}`: the square root of the number of links in a
-        chain.
+        :math:`\lambda_L`, the chain stretch :math:`\sqrt{I_1/3}` at which the energy becomes infinite. It is the square
+        root of the number of links in a chain.
 
     Returns
     -------
@@ -218,18 +229,20 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
 
 
 def maxwell_branch(elastic_1: Symbol, elastic_2: Symbol) -> Symbol:
-    r"""Energy of a Maxwell branch's spring per unit of its shear modulus, :math:`\tfrac12(I_1^e - 3)`.
+    r"""Energy density of the spring in a Maxwell branch, divided by its shear modulus, :math:`\tfrac12(I_1^e - 3)`.
+
+    :math:`I_1^e` is the first invariant of the elastic stretches.
 
     Parameters
     ----------
     elastic_1, elastic_2 : casadi.SX or float
-        Elastic stretches :math:`\lambda_i^e = \lambda_i/\xi_i` of the spring in the branch, with the viscous stretches
-        :math:`\xi_i`; :math:`I_1^e` is the first invariant of the elastic stretches.
+        Elastic stretches of the spring, :math:`\lambda_i^e = \lambda_i/\xi_i`. :math:`\lambda_i` are the stretches of
+        the film, and :math:`\xi_i` those of the dashpot.
 
     Returns
     -------
     casadi.SX or float
-        Energy divided by the modulus, dimensionless.
+        Energy per reference volume divided by the shear modulus of the spring, dimensionless.
 
     References
     ----------

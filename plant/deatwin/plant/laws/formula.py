@@ -35,18 +35,19 @@ LONGEST = 1000  # Characters of a formula: more than any published energy needs,
 
 @dataclass(frozen=True)
 class Formula:
-    """Elastic energy per reference volume as a formula of the stretches and of parameters.
+    """Elastic energy per reference volume, J/m³, as the text of a formula.
 
     Parameters
     ----------
     text : str
-        Formula in J/m³ of the invariants ``I1`` and ``I2``, the stretches ``stretch_1``, ``stretch_2`` and
-        ``stretch_3``, numbers, ``+ - * / ^``, ``exp``, ``log`` and ``sqrt``. All other names are parameters.
+        Formula. It may contain the invariants ``I1`` and ``I2``, the principal stretches ``stretch_1``, ``stretch_2``
+        and ``stretch_3`` (across the film), numbers, the operators ``+ - * / ^``, and the functions ``exp``, ``log``
+        and ``sqrt``. All other names are parameters.
 
     Raises
     ------
     RigError
-        If the text is not such a formula.
+        If the text contains anything else, or is not a formula.
 
     Examples
     --------

@@ -21,21 +21,21 @@ def stretched(
 
     .. math:: \varepsilon = \varepsilon_0^r\,\bigl[1 + c\,(\lambda_1 + \lambda_2 - \lambda_{01} - \lambda_{02})\bigr]
 
-    For VHB 4910 the literature quotes 4.68 and c = -0.053 from the unstretched state, fitted to values of Wissler &
-    Mazza: 4.68, 3.71, 3.34 and 2.62 at equal stretches of 1, 3, 4 and 5, which the law reproduces within 5 %. Others
-    found hardly any change of permittivity, so a fit may start from c = -0.053 or from c = 0.
+    For VHB 4910, the literature quotes a permittivity of 4.68 without stretch and c = -0.053. The law then reproduces
+    within 5 % the values of Wissler & Mazza: 4.68, 3.71, 3.34 and 2.62 at equal stretches of 1, 3, 4 and 5. Other
+    authors found hardly any change of the permittivity.
 
     Parameters
     ----------
     stretch_1, stretch_2 : casadi.SX or float
-        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, the principal in-plane stretches.
     permittivity : casadi.SX or float
-        :math:`\varepsilon_0^r`, relative permittivity at the stretches `from_1` and `from_2`.
+        :math:`\varepsilon_0^r`, the relative permittivity at the stretches `from_1` and `from_2`.
     slope : casadi.SX or float
-        c, relative change per unit of stretch; zero or negative.
+        c, the relative change per unit of stretch; zero or negative for VHB.
     from_1, from_2 : casadi.SX or float
-        :math:`\lambda_{01}, \lambda_{02}`, stretches at which `permittivity` holds: 1 for the unstretched tape, the
-        prestretch for a value measured on a film in its frame.
+        :math:`\lambda_{01}, \lambda_{02}`, the stretches at which `permittivity` was measured: 1 for unstretched film,
+        or the prestretch for a film in a frame.
 
     Returns
     -------
@@ -55,13 +55,13 @@ def relaxing(time: Symbol, permittivity: Symbol, relative_change: Symbol, time_c
     Parameters
     ----------
     time : casadi.SX or float
-        t, time since the relaxation began, s; before the relaxation, the permittivity has its first value.
+        t, the time since the relaxation began, s; a negative time gives the initial value.
     permittivity : casadi.SX or float
-        First relative permittivity.
+        :math:`\varepsilon`, the initial relative permittivity.
     relative_change : casadi.SX or float
-        a, the final change divided by the first value; above -1.
+        a, the final change divided by the initial value; above -1.
     time_constant : casadi.SX or float
-        :math:`\tau` in s.
+        :math:`\tau`, the time constant of the relaxation, s.
 
     Returns
     -------

@@ -34,11 +34,11 @@ SOLVED = 1e-6  # Accuracy of a simulation as a share of the motion; recordings w
 
 
 class ReadingTime(Enum):
-    """Time at which the reading in a row of a recording is taken, relative to the command in the same row.
+    """Time at which the reading of a sample is taken, relative to the command of the same sample.
 
-    - ``START_OF_HOLD``: at the instant at which the row's command is applied;
-    - ``END_OF_HOLD``: when the row's command has acted for a whole sample;
-    - ``MEAN_OVER_HOLD``: the mean over the time for which the row's command is held, as averaging loggers give it.
+    - ``START_OF_HOLD``: the reading is taken when the command is applied;
+    - ``END_OF_HOLD``: the reading is taken after the command was held for one sample time;
+    - ``MEAN_OVER_HOLD``: the reading is the mean over the time for which the command is held.
     """
 
     END_OF_HOLD = "end of hold"
@@ -47,25 +47,25 @@ class ReadingTime(Enum):
 
     @property
     def other_end(self) -> ReadingTime:
-        """The other end of the hold, at which the reading may have been taken instead."""
+        """Other end of the hold: ``START_OF_HOLD`` for ``END_OF_HOLD``, and otherwise ``END_OF_HOLD``."""
         return ReadingTime.START_OF_HOLD if self is ReadingTime.END_OF_HOLD else ReadingTime.END_OF_HOLD
 
 
 @dataclass(frozen=True, kw_only=True)
 class StartProcedure:
-    """Start of an experiment, from rest to its first command.
+    """Commands before the first sample of an experiment: from rest to the first command.
 
     Parameters
     ----------
     rest_command : float
-        Command at which the plant rests before the start, in the command's unit.
+        Command at which the plant rests before the experiment, in the command's unit.
     ramp : float
         Duration of the linear change from the rest command to the first command, s.
     hold : float
-        Duration for which the first command is then held, s.
+        Time between the end of the ramp and the first sample, s; the first command is held during this time.
     uncounted : float
-        Duration after the first sample, s, whose readings a fit ignores because the motion before the first sample is
-        unknown; at most a tenth of the experiment.
+        Duration after the first sample in which a fit ignores the readings, s, because they depend on an unknown motion
+        before the first sample. A fit ignores at most a tenth of the experiment.
     """
 
     rest_command: float = 0.0
@@ -81,7 +81,7 @@ class StartProcedure:
 
 @dataclass(frozen=True, kw_only=True)
 class Rig(ABC):
-    """Base class of experimental set-ups, each with its kinematics, loads, drive and sensor.
+    """Base class of rigs: experimental set-ups with kinematics, loads, drive and sensor.
 
     Parameters
     ----------
@@ -92,15 +92,15 @@ class Rig(ABC):
     reading : ReadingTime
         Time within a sample at which the reading is taken.
     model_error : float
-        Rms error of the rig's equations relative to a finer model, after a calibration, SI.
+        Rms error of the reading that remains after the rig is calibrated to a model with finer equations, SI.
     command_range : tuple of float, or None
         Lowest and highest command of the drive, in the command's unit; None if unknown.
     chain : MeasuringChain, or None
-        Hardware of drive and sensor; None if readings have only white noise of size `noise`.
+        Properties of drive and sensor; if None, readings have only white noise with the standard deviation `noise`.
     further : tuple of Reading
-        Further readings, taken at the same instants as the first one.
+        Readings besides the first one, taken at the same times.
     supply : Supply, optional
-        Known limits of the voltage source, for rigs with electrodes; None for a source of unlimited current.
+        Known limits of the voltage source, for rigs with electrodes; None for an ideal voltage source.
     """
 
     sample_time: float
@@ -118,17 +118,18 @@ class Rig(ABC):
     output_name: ClassVar[str]
     output_unit: ClassVar[str]
     model_share: ClassVar[float] = 0.0
-    """Rms error of the rig's own equations as a share of the motion, used if it exceeds `model_error`."""
+    """Rms error of the rig's equations, divided by the standard deviation of the reading. The larger of this error and
+    `model_error` counts."""
     follows_at_once: ClassVar[bool] = False
     """True if the reading follows the command without any dynamics."""
     equations_known: ClassVar[bool] = True
-    """False if a model that was written elsewhere moves the plant; `write` then gives only the parts around it."""
+    """False for a `ForeignRig`, whose model was written elsewhere; `write` then states only its drive and sensor."""
     has_film: ClassVar[bool] = False
-    """True if the rig moves an elastomer film, which relaxes as its material does."""
+    """True if the rig contains an elastomer film."""
     offers: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """Signals that a further sensor could read, with their SI units; electrical readings of a film need no mention."""
+    """SI units of the signals that a further sensor can measure, by name; without a film's electrical signals."""
     sizes: ClassVar[Sizes | None] = None
-    """Sizes at which the catalogue's effects act on this rig, if they differ from the diaphragm's."""
+    """Sizes to which the catalogue's effects are scaled; None for those of the diaphragm."""
 
     def __post_init__(self) -> None:
         if self.has_film:  # other rigs may use the same names for other quantities
@@ -154,16 +155,15 @@ class Rig(ABC):
 
     @property
     def start(self) -> StartProcedure:
-        """Return how an experiment starts: by default with its first command, from rest at 0.
+        """Return how an experiment starts: by default at rest under a command of 0, without a ramp.
 
-        If recordings begin at an unknown state, `write` may give each state a parameter as its start,
-        ``build.state(..., start=build.parameter("level_at_start"))``. A calibration finds this parameter like any
-        other.
+        If recordings begin in an unknown state, `write` may make the initial value of each state a parameter,
+        ``build.state(..., start=build.parameter("level_at_start"))``, which a calibration then estimates.
         """
         return StartProcedure()
 
     def starts_of(self, effects: tuple[Effect, ...]) -> tuple[Parameter, ...]:
-        """Return the parameters of an unknown start: how far each memory is from rest when the recording begins.
+        """Return the parameters that describe an unknown initial state.
 
         Parameters
         ----------
@@ -173,8 +173,8 @@ class Rig(ABC):
         Returns
         -------
         tuple of Parameter
-            One parameter for each memory, which is a branch of the film or an effect with a slow state; empty if the
-            start is known, as it is by default.
+            Initial deviations from rest of the slow states, which are those of the film's Maxwell branches and of some
+            effects. Empty if the start is known, as it is by default.
         """
         return ()
 
@@ -185,7 +185,7 @@ class Rig(ABC):
         Parameters
         ----------
         build : Builder
-            Builder that collects states, coordinates, rates and balances.
+            Builder to which the states and the equations are added.
 
         Returns
         -------
@@ -194,12 +194,12 @@ class Rig(ABC):
         """
 
     def runner(self, simulator: Simulator, parameters: ParameterSet) -> Runner:
-        """Return the function that simulates a plant of this rig.
+        """Return the object that simulates a plant of this rig.
 
         Parameters
         ----------
         simulator : Simulator
-            Equations that `write` and the effects gave.
+            Compiled equations of the rig and the effects.
         parameters : ParameterSet
             Parameters of the plant.
         """
@@ -235,18 +235,16 @@ class Rig(ABC):
         return rig
 
     def with_effects(self, *effects: Effect) -> Plant:
-        """Return the plant of this rig and `effects`; without any, it is the base plant."""
+        """Return the plant of this rig with `effects`; without effects, it is the base plant."""
         from deatwin.plant.model import Plant  # a plant is made of rigs, so the module cannot be loaded first
 
         return Plant(rig=self, effects=effects)
 
     def effects(self) -> tuple[Effect, ...]:
-        """Return the effects that a model of this rig may lack: the whole catalogue, at the sizes of this rig.
+        """Return the effects that a diagnosis tries on this rig: by default the catalogue, scaled to the rig's sizes.
 
-        A rig that is not a film actuator also gets the effects of machines: relaxation, dead zone, backlash, and dry
-        friction that depends on speed and direction.
-
-        A rig with physics of its own overrides this method to add its own effects.
+        A rig without a film also has the effects of machines: relaxation, dead zone, backlash, and dry friction that
+        depends on speed and direction. Override this method to add effects of your own.
 
         Returns
         -------
@@ -257,12 +255,12 @@ class Rig(ABC):
         return known if self.sizes is None else tuple(self.sizes.of(effect) for effect in known)
 
     def for_motion(self, motion: float) -> Self:
-        """Return the rig with the model error for `motion` of a given standard deviation, SI."""
+        """Return the rig with the model error of a reading whose standard deviation is `motion`, SI."""
         return replace(self, model_error=max(self.model_error, self.share_of_motion * motion))
 
     @property
     def averages(self) -> bool:
-        """True if each row's readings are means over its hold."""
+        """True if each reading is a mean over the hold of a command."""
         return self.reading is ReadingTime.MEAN_OVER_HOLD
 
     @property
@@ -273,11 +271,11 @@ class Rig(ABC):
 
     @property
     def share_of_motion(self) -> float:
-        """Least rms error of the rig's equations in any reading, as a share of the reading's standard deviation."""
+        """Smallest rms error of a simulated reading, divided by the standard deviation of the reading."""
         return max(self.model_share, SOLVED)
 
     def rivals(self) -> tuple[Rig, ...]:
-        """Return other rigs that agree with what the experimenter stated."""
+        """Return the other rig variants that agree with the rig file; by default there are none."""
         return ()
 
 

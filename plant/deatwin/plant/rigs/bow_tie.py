@@ -22,50 +22,59 @@ HELD = ("clamped", "free")
 
 @dataclass(frozen=True, kw_only=True)
 class BowTie(FilmActuator):
-    r"""Film that narrows linearly to a waist between a fixed and a moving bar; the reading is its elongation.
+    r"""Film with a narrow waist between a fixed and a moving bar; the reading is the elongation of the film.
 
     .. math:: H w(s)\Bigl(\frac{\partial W}{\partial\lambda}
               - \varepsilon\frac{V^2}{H^2}\lambda\lambda_s^2\Bigr) = F \quad\text{at all } s, \qquad
               x = L\int_0^1\lambda\,ds, \qquad w = w_0 + (w_1 - w_0)\,s
 
-    The coordinate s runs from 0 at the waist to 1 at a bar; the other half of the film is the mirror image of this
-    half. H is the thickness before stretching, w the width, W the strain energy density, :math:`\lambda` the stretch
-    along the motion and :math:`\lambda_s` across it, :math:`\varepsilon` the permittivity, V the voltage, F the dead
-    load and x the elongated length. The film is a series of strips, each under the whole dead load. Shear between
-    neighbouring strips is neglected, which holds for films that narrow slowly. The sides are ``"clamped"``: stiff
-    fibres across the film hold the side stretch (pure shear), or ``"free"``: each strip contracts freely (uniaxial),
-    which leaves little elongation.
+    The coordinate s runs from 0 at the waist to 1 at a bar. The film is symmetric about the waist. H is the thickness
+    before stretching, w the width before stretching, W the strain energy density, :math:`\varepsilon` the permittivity,
+    V the voltage, F the dead load and x the elongated length. :math:`\lambda` is the stretch along the motion, and
+    :math:`\lambda_s` the stretch across it. The film is treated as strips in series, each of which carries the whole
+    dead load. Shear between neighbouring strips is neglected, which holds for films that narrow slowly.
 
-    The waist is stretched most, is thinnest and has the highest field. The higher stiffness of the stretched waist
-    cancels this gain: far from pull-in all strips lengthen by nearly the same share, and the shape has no advantage
-    over a rectangular film of the mean width. With free sides the waist pulls in at a lower voltage than the
-    rectangular film. With clamped sides a waist near its limit of stretch lengthens less than the rest.
+    With ``"clamped"`` sides, stiff fibres across the film hold :math:`\lambda_s` constant (pure shear). With ``"free"``
+    sides, each strip contracts freely across the motion (uniaxial stress), and the elongation under voltage is small.
 
-    The drawings in W. R. Jacobs' thesis (2.2.3) and of the first bow-tie actuators (Kornbluh, Pelrine and others) were
-    not available: the outline and its free or fibre-held sides are assumptions. Some bow-tie actuators have a frame of
-    hinged bars that turns sideways expansion into elongation; this rig has none.
+    The outline and the sides are assumptions, because no drawings of published bow-tie actuators were available. The
+    rig has no frame of hinged bars that turns sideways expansion into elongation.
 
     Parameters
     ----------
     length : float
         L, the length along the motion before stretching, m.
     waist_width, bar_width : float
-        :math:`w_0, w_1`, the widths before stretching, m.
+        :math:`w_0, w_1`, the widths at the waist and at the bars before stretching, m.
     prestretch : float
-        Stretch along the motion, without voltage, of a strip of the mean width. This stretch determines the dead load,
-        which does not change when a fit changes the material.
+        Stretch along the motion, without voltage, of a strip of the mean width. The dead load is computed from this
+        stretch with the published material values, and is then constant.
     side_prestretch : float, or None
-        Stretch across the same strip, which clamped sides hold constant; None for the value of `prestretch`. Free sides
-        accept only None, because a free strip contracts to :math:`\lambda^{-1/2}`.
+        Stretch across the motion, which clamped sides hold constant; None for the value of `prestretch`. With free
+        sides it must be None, because free strips contract to :math:`\lambda^{-1/2}`.
     sides : {"clamped", "free"}
         Support of the sides.
     stations : int
-        Number of Gauss points from waist to bar.
-    material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start procedure, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
-        damping in N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's
-        history before the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and
-        `direction` is -1 if the reading falls as the displacement grows.
+        Number of Gauss points between the waist and a bar.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
+    thickness : float
+        Thickness of the film before stretching, m.
+    mass : float
+        Mass of the moving part, kg.
+    damping : float
+        Damping constant of the moving part, N s/m; a start value for a fit.
+    gain : float
+        Gain of the amplifier: film volts per command volt.
+    start_ramp, start_hold : float
+        Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
+    start_is_known : bool
+        False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
+        the initial values of slow states, such as those of Maxwell branches, are fitted.
+    zero_is_known : bool
+        False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
+    direction : float
+        1 if the reading grows with the displacement, -1 if it falls.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
     """
@@ -92,7 +101,7 @@ class BowTie(FilmActuator):
 
     @property
     def across(self) -> float:
-        """Prestretch across a strip of the mean width."""
+        """Stretch across the motion, without voltage, of a strip of the mean width."""
         if self.sides == "free":
             return self.prestretch**-0.5
         return self.prestretch if self.side_prestretch is None else self.side_prestretch

@@ -26,7 +26,7 @@ logarithm of the radius."""
 
 @dataclass(frozen=True, kw_only=True)
 class Cone(FilmActuator):
-    r"""Annular film with a rigid disc in its middle and electrodes all over; the reading is the disc's motion.
+    r"""Annular film with electrodes all over and a rigid disc in the middle; the reading is the disc's displacement.
 
     A point of the film has the radius :math:`\rho` before stretching, between :math:`\rho_i` at the disc and
     :math:`\rho_o` at the ring. The variable :math:`s = \ln(\rho/\rho_i)/\ln(\rho_o/\rho_i)` runs from 0 at the disc to
@@ -36,17 +36,19 @@ class Cone(FilmActuator):
     .. math:: r = \rho\,\Bigl[\Lambda + s(1 - s)\sum_k g_k (1 - 2s)^k\Bigr], \qquad
               z(s) = z\,(1 - s) + s(1 - s)\sum_k h_k (1 - 2s)^k .
 
-    The disc is drawn out of the film's plane by its weight and by the bias
+    The weight of the disc and a bias force draw the disc out of the plane of the flat film. The bias force is
 
     .. math:: F = F_0 - k z + F_s\,\frac{3\sqrt3}{2}\,\frac yd\Bigl(1 - \frac{y^2}{d^2}\Bigr), \qquad y = z - c .
 
-    The bias is the sum of the forces of a linear spring and of a bistable spring. The linear spring has the stiffness
-    k, and the force :math:`F_0` when the film is flat. The bistable spring is at rest at the heights c - d and c + d,
-    and its largest force between these heights is :math:`F_s`. Voltage lowers the tension of the film, so that the disc
-    moves further. The bistable spring increases the stroke as long as its negative stiffness is smaller than the film's
-    stiffness; otherwise the disc snaps. The film adds the mass :math:`\int\varrho\,(1-s)^2\,dV_0` to the disc, with its
-    density :math:`\varrho` and its volume :math:`V_0`. Compared with the membrane's differential equations, the errors
-    of the stroke and of the pull-in voltage are below 0.5 %.
+    It is the sum of the forces of a linear spring and of a bistable spring. The linear spring has the stiffness k, and
+    exerts the force :math:`F_0` when the film is flat. The bistable spring exerts no force at the heights c - d, c and
+    c + d; between c - d and c + d, its largest force is :math:`F_s`. Voltage lowers the tension of the film, so that
+    the disc moves further out of the plane. The bistable spring increases this motion. If its negative stiffness
+    exceeds the stiffness of the film, the disc snaps.
+
+    The film adds the mass :math:`\int\varrho\,(1-s)^2\,dV_0` to the disc, where :math:`\varrho` is the density and
+    :math:`V_0` the volume of the film. Compared with the differential equations of a membrane, the errors of the disc's
+    displacement and of the pull-in voltage are below 0.5 %.
 
     Parameters
     ----------
@@ -55,16 +57,32 @@ class Cone(FilmActuator):
     prestretch : float
         Equal-biaxial stretch of the flat film.
     mass : float
-        Mass of the disc and of all that is attached to the disc, kg; the weight acts along the motion.
-    spring_rate, spring_preload : float
-        k, N/m, and :math:`F_0`, N, of a linear spring; 0 for none.
-    snap_force, snap_middle, snap_reach : float
-        :math:`F_s` in N, 0 for none, and c and d in m, of a bistable spring.
-    material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start procedure, as in every film actuator: material, undeformed thickness in m, damping in N s/m, film
-        volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before the first
-        sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1 if the
-        reading falls as the displacement grows.
+        Mass of the disc and of all that is attached to it, kg. The weight acts in the direction of positive z.
+    spring_rate : float
+        k, the stiffness of the linear spring, N/m.
+    spring_preload : float
+        :math:`F_0`, the force of the linear spring when the film is flat, N.
+    snap_force : float
+        :math:`F_s`, the largest force of the bistable spring, N; 0 for no bistable spring.
+    snap_middle, snap_reach : float
+        c and d, which determine the heights c - d and c + d of the bistable spring, m.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
+    thickness : float
+        Thickness of the film before stretching, m.
+    damping : float
+        Damping constant of the moving part, N s/m; a start value for a fit.
+    gain : float
+        Gain of the amplifier: film volts per command volt.
+    start_ramp, start_hold : float
+        Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
+    start_is_known : bool
+        False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
+        the initial values of slow states, such as those of Maxwell branches, are fitted.
+    zero_is_known : bool
+        False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
+    direction : float
+        1 if the reading grows with the displacement, -1 if it falls.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 
@@ -88,7 +106,7 @@ class Cone(FilmActuator):
 
     kind: ClassVar[str] = "cone"
     model_share: ClassVar[float] = 0.005
-    """Error of the film's assumed shape, as a share of the motion."""
+    """Rms error due to the assumed shape of the film, divided by the standard deviation of the reading."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

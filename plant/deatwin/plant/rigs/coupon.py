@@ -24,26 +24,26 @@ RELAXED = replace(material("VHB 4910"), branches=())  # Default material: purely
 
 @dataclass(frozen=True, kw_only=True)
 class Coupon(Rig):
-    r"""Hyperelastic strip pulled uniaxially between two clamps; the reading is its force.
+    r"""Hyperelastic strip pulled uniaxially between two clamps; the reading is the pulling force.
 
     .. math:: F = \frac{1}{L}\,\frac{d}{d\lambda}\Bigl[w H L\; W(\lambda, \lambda^{-1/2})\Bigr]
 
-    F is the force, :math:`\lambda` the stretch, W the strain energy density; w, H and L are the width, thickness and
-    length of the unstretched strip. An isotropic, incompressible strip with free sides contracts by
-    :math:`\lambda^{-1/2}` in both directions, with or without relaxing branches, so the stretch alone determines the
-    deformation. Each pull is a separate experiment, from rest at stretch 1. The simulation holds the stretch constant
-    during each sample, and the reading is the force at the end of the sample, when the ramp of a real pull reaches this
-    stretch. On average, the staircase therefore leads the ramp by half a sample. At 50 Hz, the lead changes the stress
-    of a branch with a relaxation time of 2 s by 0.5 %.
+    F is the force, :math:`\lambda` the stretch and W the strain energy density; w, H and L are the width, thickness and
+    length of the unstretched strip. The sides are free, so that the strip contracts to :math:`\lambda^{-1/2}` in width
+    and in thickness. Each pull is a separate experiment, which starts at rest at a stretch of 1.
 
-    Width and thickness enter only through the area, which multiplies every modulus. If the source does not state them,
-    a fit finds relaxation times and ratios of moduli, but not their absolute size.
+    The command is the stretch. The simulation holds it constant during each sample, whereas the stretch of a real strip
+    rises steadily and reaches this value at the end of the sample. The simulated stretch therefore leads the real
+    stretch by half a sample on average. At 50 Hz, this changes the stress of a Maxwell branch with a relaxation time of
+    2 s by 0.5 %.
+
+    If width and thickness are unknown, a fit finds the relaxation times and the ratios of the moduli, but not the
+    moduli themselves: the force is proportional to the cross-section and to all moduli.
 
     Parameters
     ----------
     material : str or Material
-        Material, or its key in `deatwin.plant.MATERIALS`. The default is VHB 4910 without its branch: a strip whose
-        relaxation is to be identified.
+        Material, or its key in `deatwin.plant.MATERIALS`; by default, VHB 4910 without Maxwell branches.
     width, thickness, length : float
         Dimensions of the unstretched strip between the clamps, m.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
@@ -57,8 +57,8 @@ class Coupon(Rig):
     sample_time: float = 0.02
     noise: float = 1e-3
     model_error: float = 0.05
-    """Rms error, N: 5 % of the 1 N with which a strip of 10 mm² resists. It covers the form of W and the clamps,
-    between which the stretch is not uniform; good phenomenological models of VHB leave 4.5 % rms (Zou & Gu)."""
+    """Rms error of the equations, N: 5 % of a force of 1 N on a strip of 10 mm². It includes the error of W and the
+    uneven stretch near the clamps. Published models of VHB leave an rms error of 4.5 % (Zou & Gu)."""
 
     kind: ClassVar[str] = "coupon"
     has_film: ClassVar[bool] = True
@@ -68,8 +68,8 @@ class Coupon(Rig):
     output_unit: ClassVar[str] = "N"
     follows_at_once: ClassVar[bool] = True
     sizes: ClassVar[Sizes] = Sizes(command=1.0, command_unit="1", reading=1.0, reading_unit="N")
-    """The size of the command is the strip's own length, not its longest pull, so that no offset in range takes all of
-    it away."""
+    """The typical command is the stretch of the unstretched strip, because the ranges of effects are scaled to it: an
+    effect's offset of the command is then always smaller than the stretch."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -80,7 +80,7 @@ class Coupon(Rig):
 
     @classmethod
     def from_rig_file(cls, described: RigFile) -> Self:
-        """Make the strip `described` by a rig file, with the relative model error of the default strip."""
+        """Make the strip `described` by a rig file, with the same relative model error as the default strip."""
         names = {field.name for field in fields(cls)}
         shared = {name: value for name, value in described.shared.items() if name in names}
         rig = cls(**{**shared, **described.film})
@@ -92,7 +92,7 @@ class Coupon(Rig):
 
     @property
     def start(self) -> StartProcedure:
-        """Start of an experiment: from rest at stretch 1, with the first command."""
+        """Start of an experiment: at rest at a stretch of 1, without a ramp."""
         return StartProcedure(rest_command=1.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Symbol:

@@ -40,7 +40,7 @@ Ball = str  # ``"bonded"``: the film sticks to the ball; ``"sliding"``: it slide
 
 @dataclass(frozen=True, kw_only=True)
 class Diaphragm(Rig):
-    """Prestretched film in a ring with a ball at its centre; the reading is the ball's displacement.
+    """Prestretched film in a ring, with a ball on the centre of the film; the reading is the ball's displacement.
 
     Parameters
     ----------
@@ -55,29 +55,29 @@ class Diaphragm(Rig):
     mass : float
         Mass of the ball, kg.
     gain : float
-        Film volts per command volt.
+        Gain of the amplifier: film volts per command volt.
     start_ramp, start_hold : float
-        Ramp and hold of the start procedure, s.
+        Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
     start_is_known : bool
         False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
-        the initial value of each slow state is fitted, for example as ``branch_at_start`` or ``creep.at_start``.
+        the initial values of slow states, such as ``branch_at_start`` or ``creep.at_start``, are fitted.
     zero_is_known : bool
         False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
     direction : float
         1 if the reading grows with the displacement, -1 if it falls, as with a sensor on the other side.
     ball : {"bonded", "sliding"}
-        Contact between film and ball.
+        Contact between film and ball: the film sticks to the ball, or slides on it without friction.
     ball_is_known : bool
-        True if the experimenter stated the contact; otherwise the other contact is a rig variant that a diagnosis also
-        tries.
+        True if the experimenter is sure of `ball`; otherwise a diagnosis also tries the other contact.
     prestretch_is_known : bool
-        True if the experimenter is sure of the prestretch; otherwise a diagnosis also tries 3.5 or 4.5, whichever is
-        farther from `prestretch`.
+        True if the experimenter is sure of `prestretch`; otherwise a diagnosis also tries 3.5 or 4.5, whichever differs
+        more from `prestretch`.
     resolution : {"reduced", "fine"}
-        Discretisation: ``"reduced"`` uses a few coordinates, ``"fine"`` axisymmetric elements whose Maxwell branches
-        relax independently at each point. A film that relaxes needs ``"fine"`` below a prestretch of 1.5.
+        Discretisation of the film. ``"reduced"`` describes its shape by a few coordinates. ``"fine"`` uses axisymmetric
+        finite elements, with Maxwell branches that relax independently at each point. For a film with Maxwell branches
+        and a prestretch below 1.5, use ``"fine"``.
     elements : int
-        Number of elements under the electrode with ``"fine"``; the annulus around the electrode has half as many.
+        Number of elements under the electrode, for ``"fine"``; the annulus around the electrode has half as many.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
     """
@@ -103,8 +103,8 @@ class Diaphragm(Rig):
     sample_time: float = 0.02
     noise: float = 2e-6
     model_error: float = 1e-6
-    """Allowance for a rig that differs from its description, m: finite-element rigs with another mesh and another flow
-    law left 0.4 to 0.8 µm beyond the error of the equations."""
+    """Rms error, m, for a real rig that differs from the equations in unknown ways. In simulations, another mesh and
+    another viscous law of the film caused an error of 0.4 to 0.8 µm."""
 
     kind: ClassVar[str] = "diaphragm"
     has_film: ClassVar[bool] = True
@@ -113,7 +113,7 @@ class Diaphragm(Rig):
     output_name: ClassVar[str] = "displacement"
     output_unit: ClassVar[str] = "m"
     model_share: ClassVar[float] = 0.01
-    """Error of the equations for large motion, as a share of the motion. Most of it arises at the highest voltages."""
+    """Rms error of the equations divided by the standard deviation of the reading; largest at the highest voltages."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -148,7 +148,7 @@ class Diaphragm(Rig):
 
     @property
     def start(self) -> StartProcedure:
-        """Start from rest at 0 V, with ramp and hold; with an unknown start, the first command is held for a second."""
+        """Start at rest at 0 V, with ramp and hold; if the start is unknown, the first command is held for 1 s."""
         known = StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
         return known if self.start_is_known else SETTLING
 
@@ -156,8 +156,8 @@ class Diaphragm(Rig):
         return () if self.start_is_known else memories(self._material, effects)
 
     def rivals(self) -> tuple[Diaphragm, ...]:
-        """Return the rig read at the other end of the hold, and with the other contact and prestretch if they are
-        unknown.
+        """Return the other rig variants: one with the reading taken at the other end of the hold, one with the other
+        contact if the contact is unknown, and one with the other prestretch if the prestretch is unknown.
         """
         rivals = [replace(self, reading=self.reading.other_end)]
         if not self.ball_is_known:
@@ -169,7 +169,7 @@ class Diaphragm(Rig):
         return tuple(rivals)
 
     def finer(self) -> Diaphragm:
-        """Return the rig of resolution ``"fine"``, or with twice the elements if it is fine already."""
+        """Return the rig with the resolution ``"fine"``, or with twice as many elements if it is already fine."""
         if self.resolution == "fine":
             return replace(self, elements=2 * self.elements)
         return replace(self, resolution="fine")
@@ -194,15 +194,16 @@ class Diaphragm(Rig):
         return build.place(Place.SENSOR, "reading", self.direction * displacement + build.parameter("zero"))
 
     def sag(self, radius: float, build: Builder) -> Symbol:
-        r"""Return the sag of a uniformly stretched film, :math:`z = mg\ln(B/r)/(2\pi N)`, a start value for rest.
+        r"""Return the approximate sag of the film at rest, :math:`z = mg\ln(B/r)/(2\pi N)`.
 
-        A film with hardly any prestretch is stretched by the load itself; its tension N is then computed at a small
-        stretch.
+        m is the mass of the ball, g the gravity and B the radius of the ring. N is the tension (force per length) of
+        the uniformly stretched film, computed at the prestretch or at 1.05, whichever is larger. The search for the
+        equilibrium starts from this sag.
 
         Parameters
         ----------
         radius : float
-            Radius r in the mounted film, m.
+            r, the radius in the mounted film, m.
         build : Builder
             Builder that holds the parameters.
 
@@ -228,13 +229,13 @@ class Diaphragm(Rig):
         Parameters
         ----------
         described : RigFile
-            Content of the rig file, from `read_rig`. If it does not state the contact between film and ball, the other
-            contact is an alternative.
+            Content of the rig file, from `read_rig`.
 
         Returns
         -------
         Diaphragm
-            Rig whose noise includes the rounding to the sensor's resolution.
+            Rig. `ball_is_known` is False if the rig file does not state the contact. `noise` includes the rounding to
+            the sensor's resolution.
         """
         film, load = described.film, described.load
         rig = cls(

@@ -27,12 +27,12 @@ BENDS = ("bulge", "bump", "lean")
 
 @dataclass(frozen=True, kw_only=True)
 class Disc(FilmActuator):
-    r"""Round electrode in a film that a ring holds; the reading is the radial displacement of the electrode's edge.
+    r"""Round electrode on a film in a ring; the reading is the radial displacement of the electrode's edge.
 
-    The film's radial motion is a sum of four shapes, with the displacement w of the electrode's edge and the further
-    unknowns c, :math:`b_1` and :math:`b_2`. Before stretching, a point of the film has the radius :math:`\rho`, the
-    electrode the radius A and the film the radius :math:`B_0`; :math:`\Lambda` is the prestretch. The radius r of the
-    point, under the electrode and outside it, is
+    The radial displacement of the film is a sum of four shape functions. Their amplitudes are the displacement w of the
+    electrode's edge and the unknowns c, :math:`b_1` and :math:`b_2`. Before stretching, a point of the film has the
+    radius :math:`\rho`, the electrode has the radius A and the film has the radius :math:`B_0`. :math:`\Lambda` is the
+    prestretch. Under the electrode (first equation) and outside it (second equation), the point has the radius
 
     .. math:: r &= \Lambda\rho + \frac{\rho}{A}\,w - c\,\rho\,\Bigl(1 - \frac{\rho^2}{A^2}\Bigr)
               \quad\text{and}\quad
@@ -40,19 +40,20 @@ class Disc(FilmActuator):
               + B_0\,s(1 - s)\,[b_1 + b_2(1 - 2s)], \\
               s &= \frac{\rho - A}{B_0 - A}.
 
-    For a small voltage, the shape of w alone is exact. With the radii a of the electrode and B of the ring on the
-    mounted film, the permittivity :math:`\varepsilon`, the field E, the film's stress :math:`\sigma` without voltage,
-    and the stress :math:`\sigma_1` and stretch :math:`\lambda_1` in one direction,
+    For a small voltage, c, :math:`b_1` and :math:`b_2` are 0, and the exact displacement is
 
     .. math:: \frac wa = \frac{p}{A_{11}\,\dfrac{2q}{q-1} - 2p}, \qquad p = \varepsilon E^2, \quad
               q = (B/a)^2, \quad A_{11} = \frac{\partial\sigma_1}{\partial\ln\lambda_1} - \sigma .
 
-    The film's mass moves in all four shapes, and the film's viscosity damps them; air does not, because the film moves
-    in its own plane. Without voltage the first radial mode is that of a uniform film,
-    :math:`J_1(\omega_1 B\sqrt{\varrho/A_{11}}) = 0`, with the Bessel function :math:`J_1`, the angular frequency
-    :math:`\omega_1` and the density :math:`\varrho`. Compared with the membrane's differential equations, the errors
-    are below 0.4 % in motion and pull-in voltage and 1 % in the first mode, up to the voltage at which the film loses
-    its tension.
+    Here a and B are the radii of the electrode and of the ring on the mounted film, :math:`\varepsilon` is the
+    permittivity, E the field and :math:`\sigma` the film's stress without voltage; :math:`\sigma_1` and
+    :math:`\lambda_1` are the stress and the stretch in one direction.
+
+    The film's mass and viscosity act on all four shape functions. Without voltage, the angular frequency
+    :math:`\omega_1` of the first radial mode follows from :math:`J_1(\omega_1 B\sqrt{\varrho/A_{11}}) = 0`, as for a
+    uniform film; :math:`J_1` is a Bessel function and :math:`\varrho` the density. Compared with the differential
+    equations of a membrane, the errors of the displacement and of the pull-in voltage are below 0.4 %, and the error of
+    the first mode's frequency is below 1 %. This holds up to the voltage at which the film loses its tension.
 
     Parameters
     ----------
@@ -61,12 +62,24 @@ class Disc(FilmActuator):
     prestretch : float
         Equal-biaxial stretch of the mounted film.
     mass : float
-        Mass that the electrode's edge carries besides the film, such as a marker, kg.
-    material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start procedure, as in every film actuator: material, undeformed thickness in m, damping in N s/m, film
-        volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before the first
-        sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1 if the
-        reading falls as the displacement grows.
+        Additional mass at the electrode's edge, such as that of a marker, kg.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
+    thickness : float
+        Thickness of the film before stretching, m.
+    damping : float
+        Damping constant of the edge's motion due to the film's viscosity, N s/m; a start value for a fit.
+    gain : float
+        Gain of the amplifier: film volts per command volt.
+    start_ramp, start_hold : float
+        Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
+    start_is_known : bool
+        False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
+        the initial values of slow states, such as those of Maxwell branches, are fitted.
+    zero_is_known : bool
+        False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
+    direction : float
+        1 if the reading grows with the displacement, -1 if it falls.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 
@@ -85,7 +98,7 @@ class Disc(FilmActuator):
 
     kind: ClassVar[str] = "disc"
     model_share: ClassVar[float] = 0.004
-    """Error of the film's assumed shape, as a share of the motion."""
+    """Rms error due to the assumed shape of the film, divided by the standard deviation of the reading."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -26,24 +26,20 @@ MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the el
 
 @dataclass(frozen=True, kw_only=True)
 class Planar(FilmActuator):
-    r"""Film between a fixed and a moving bar; the reading is its elongation under voltage.
+    r"""Film between a fixed and a moving bar; the reading is the elongation of the film under voltage.
 
     .. math:: H L_2\Bigl(\frac{\partial W}{\partial\lambda_1}
               - \varepsilon\frac{V^2}{H^2}\lambda_1\lambda_2^2\Bigr) = F_1
 
-    This equation holds along the motion. H is the thickness and :math:`L_2` the width before stretching, W the strain
-    energy density, :math:`\lambda_1, \lambda_2` are the stretches along and across the motion, :math:`\varepsilon` is
-    the permittivity and V the voltage. If the sides are free, the same equation holds across the motion with 1 and 2
-    exchanged. The dead loads :math:`F_1, F_2` are those that hold a film with the published material values at its
-    prestretch without voltage; the loads do not change when a fit changes the material. The sides may be
+    This equation holds along the motion, that is in direction 1. H is the thickness before stretching, :math:`L_2` the
+    width before stretching, W the strain energy density, :math:`\varepsilon` the permittivity and V the voltage.
+    :math:`\lambda_1` and :math:`\lambda_2` are the stretches along and across the motion. The dead load :math:`F_1` is
+    computed from the prestretch with the published material values, and is then constant. The sides are
 
-    - ``"equal"``: both directions have the same nominal stress and the same stretch. Without prestretch this is the
-      free equal-biaxial film, for which closed-form solutions exist;
-    - ``"free"``: each direction has its own dead load; with a `side_prestretch` of :math:`\lambda_1^{-1/2}` the load
-      across the motion is 0;
-    - ``"clamped"``: rails hold the side stretch (pure shear).
-
-    W. R. Jacobs' thesis (2.2.3) mentions a *planar* actuator; it is assumed to use the film's expansion in its plane.
+    - ``"equal"``: the stretch and the nominal stress are the same in both directions;
+    - ``"free"``: the equation also holds across the motion, with 1 and 2 exchanged and a dead load :math:`F_2`, which
+      is computed like :math:`F_1`. With a `side_prestretch` of :math:`\lambda_1^{-1/2}`, :math:`F_2` is 0;
+    - ``"clamped"``: rails hold :math:`\lambda_2` constant (pure shear).
 
     Parameters
     ----------
@@ -52,16 +48,28 @@ class Planar(FilmActuator):
     prestretch : float
         Stretch along the motion, without voltage.
     side_prestretch : float, or None
-        Stretch across the motion; None for the same stretch as along it.
+        Stretch across the motion, without voltage; None for the value of `prestretch`.
     sides : {"equal", "free", "clamped"}
         Support of the sides.
-    material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start procedure, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
-        damping in N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's
-        history before the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and
-        `direction` is -1 if the reading falls as the displacement grows. If both directions move, `mass` and `damping`
-        act on the motion along direction 1. Equal sides are linked, so that the forces along both directions move the
-        mass: together, twice the right side minus the left side of the equation above.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
+    thickness : float
+        Thickness of the film before stretching, m.
+    mass, damping : float
+        Mass (kg) and damping constant (N s/m) of the moving bar; the damping is a start value for a fit. Both act on
+        the motion in direction 1 only. With equal sides, the forces in both directions drive this motion: the total
+        force is twice the difference between the right and the left side of the equation above.
+    gain : float
+        Gain of the amplifier: film volts per command volt.
+    start_ramp, start_hold : float
+        Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
+    start_is_known : bool
+        False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
+        the initial values of slow states, such as those of Maxwell branches, are fitted.
+    zero_is_known : bool
+        False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
+    direction : float
+        1 if the reading grows with the displacement, -1 if it falls.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 
@@ -94,7 +102,7 @@ class Planar(FilmActuator):
 
     @property
     def across(self) -> float:
-        """Prestretch across the motion."""
+        """Stretch across the motion, without voltage."""
         return self.prestretch if self.side_prestretch is None else self.side_prestretch
 
     @property
@@ -136,24 +144,26 @@ class Planar(FilmActuator):
 
 @dataclass(frozen=True, kw_only=True)
 class BlockedPlanar(Rig):
-    r"""Film of a `Planar` between two fixed bars; the reading is the film's pull on them.
+    r"""Film between two fixed bars; the reading is the force with which the film pulls the bars together.
 
     .. math:: F = H L_2\Bigl(\frac{\partial W}{\partial\lambda_1}
               - \varepsilon\frac{V^2}{H^2}\lambda_1\lambda_2^2\Bigr)
 
-    The symbols are those of `Planar`, and F is the pull. Because nothing moves, the force that voltage removes does not
-    depend on elasticity, but only on drive and dielectric.
+    F is the force. H is the thickness before stretching, :math:`L_2` the width before stretching, W the strain energy
+    density, :math:`\varepsilon` the permittivity and V the voltage. :math:`\lambda_1` is the stretch from bar to bar,
+    and :math:`\lambda_2` the stretch perpendicular to it. Because the film does not move, the change of the force with
+    the voltage depends on the drive and the permittivity, but not on the elasticity.
 
     Parameters
     ----------
     material : str or Material
         Material, or its key in `deatwin.plant.MATERIALS`.
     thickness, length, width : float
-        Dimensions before stretching, m.
+        Dimensions before stretching, m; the length is measured from bar to bar.
     prestretch, side_prestretch : float
-        Stretch in the direction from bar to bar, and perpendicular to it; both are held constant.
+        :math:`\lambda_1` and :math:`\lambda_2`, which are constant.
     gain : float
-        Film volts per command volt.
+        Gain of the amplifier: film volts per command volt.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`. The noise is that of a load cell, N.
     """
@@ -176,7 +186,7 @@ class BlockedPlanar(Rig):
     output_unit: ClassVar[str] = "N"
     follows_at_once: ClassVar[bool] = True
     sizes: ClassVar[Sizes] = Sizes(voltage=1.2e3, reading=1.5, reading_unit="N")
-    """The voltage is the diaphragm's. The film pulls with 2.2 N without voltage, and with 1.2 N at 3 kV."""
+    """The typical voltage is that of the diaphragm. The force is 2.2 N without voltage, and 1.2 N at 3 kV."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -190,7 +200,7 @@ class BlockedPlanar(Rig):
 
     @property
     def start(self) -> StartProcedure:
-        """Start of an experiment: from rest at command 0, with the first command."""
+        """Start of an experiment: at rest under a command of 0, without a ramp."""
         return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Symbol:

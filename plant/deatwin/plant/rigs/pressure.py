@@ -23,7 +23,7 @@ SHAPES, POINTS = 3, 5
 
 @dataclass(frozen=True, kw_only=True)
 class Pressure(FilmActuator):
-    r"""Inflated film in a ring with electrodes all over; the reading is the rise of its apex.
+    r"""Inflated film in a ring, with electrodes all over; the reading is the rise of the apex under voltage.
 
     A point of the film has the radius :math:`\rho` before stretching, up to :math:`B_0` at the ring. The variable
     :math:`t = \rho^2/B_0^2` runs from 0 at the apex to 1 at the ring, z is the height of the apex, :math:`\Lambda` the
@@ -32,12 +32,13 @@ class Pressure(FilmActuator):
     .. math:: r = \rho\,\Bigl[\Lambda + (1 - t)\sum_k g_k t^k\Bigr], \qquad
               z(t) = (1 - t)\,\Bigl[z + \sum_{k\ge1} h_k t^k\Bigr] .
 
-    The pressure p does the work :math:`p\int\pi r^2\,dz`; p does not change while the film moves, as in a chamber that
-    is much larger than the film's volume, or on a regulator. The film's mass moves with all shapes. A flat film has the
-    first mode of a drum, :math:`f_1 = \frac{2.405}{2\pi B}\sqrt{\sigma/\varrho}`, with the ring's radius B, the stress
-    :math:`\sigma` and the density :math:`\varrho`. Compared with the membrane's differential equations, the errors of
-    the rise and of the pull-in voltage are below 0.5 %, as long as the film rises by less than the diameter of its
-    ring.
+    The pressure p does the work :math:`p\int\pi r^2\,dz`. The pressure is constant, as with a regulator, or with a
+    chamber that is much larger than the volume under the film. The equations include the inertia of the film in all
+    unknowns. A flat film has the first natural frequency of a drum,
+    :math:`f_1 = \frac{2.405}{2\pi B}\sqrt{\sigma/\varrho}`, where B is the radius of the ring, :math:`\sigma` the
+    stress and :math:`\varrho` the density of the film. Compared with the differential equations of a membrane, the
+    errors of the rise and of the pull-in voltage are below 0.5 %, as long as the height of the apex is less than the
+    diameter of the ring.
 
     Parameters
     ----------
@@ -46,14 +47,26 @@ class Pressure(FilmActuator):
     prestretch : float
         Equal-biaxial stretch of the flat film.
     pressure : float
-        Excess of the pressure inside over the pressure outside, Pa.
+        p, the pressure under the film minus the pressure above it, Pa.
     mass : float
-        Mass on the apex besides the film, kg; its weight is not counted.
-    material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start procedure, as in every film actuator: material, undeformed thickness in m, damping of the apex in
-        N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before
-        the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1
-        if the reading falls as the displacement grows.
+        Additional mass at the apex, kg. Its weight is neglected.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
+    thickness : float
+        Thickness of the film before stretching, m.
+    damping : float
+        Damping constant of the apex, N s/m; a start value for a fit.
+    gain : float
+        Gain of the amplifier: film volts per command volt.
+    start_ramp, start_hold : float
+        Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
+    start_is_known : bool
+        False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
+        the initial values of slow states, such as those of Maxwell branches, are fitted.
+    zero_is_known : bool
+        False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
+    direction : float
+        1 if the reading grows with the displacement, -1 if it falls.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 
@@ -72,7 +85,7 @@ class Pressure(FilmActuator):
 
     kind: ClassVar[str] = "pressure"
     model_share: ClassVar[float] = 0.005
-    """Error of the film's assumed shape, as a share of the motion."""
+    """Rms error due to the assumed shape of the film, divided by the standard deviation of the reading."""
 
     @property
     def _outside(self) -> tuple[tuple[str, float, str], ...]:

@@ -129,7 +129,8 @@ def read_rig(path: str | Path) -> RigFile:
     Raises
     ------
     RigError
-        If the file is missing or not TOML, or a key or value is wrong; the text lists all mistakes with their lines.
+        If the file is missing or not TOML, or if a key or a value is wrong; the text lists all mistakes, with their
+        lines.
     """
     return RigFile.of(TomlFile.read(path))
 
@@ -141,7 +142,7 @@ def load_material(path: str | Path) -> Material:
     Parameters
     ----------
     path : str or Path
-        TOML file that `deatwin material` wrote, or a rig file with a section ``[material]``.
+        TOML file from the command ``deatwin material``, or a rig file with a section ``[material]``.
 
     Returns
     -------
@@ -151,7 +152,7 @@ def load_material(path: str | Path) -> Material:
     Raises
     ------
     RigError
-        If the file is missing or not TOML, or its section has mistakes; the text names the key.
+        If the file is missing or not TOML, or if it has no section ``[material]`` or one with mistakes.
     """
     return _material_of(TomlFile.read(path, "material file"))
 

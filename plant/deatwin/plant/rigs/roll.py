@@ -17,36 +17,48 @@ MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the el
 
 @dataclass(frozen=True, kw_only=True)
 class Roll(FilmActuator):
-    r"""Spring roll: film under axial and hoop prestretch on a spring core; the reading is its elongation.
+    r"""Film wound around a compressed spring (spring roll); the reading is the elongation of the roll.
 
     .. math:: B H\Bigl(\frac{\partial W}{\partial\lambda} - \varepsilon\frac{V^2}{H^2}\lambda\lambda_h^2\Bigr)
               = k\,(\ell_0 - \lambda L) + F
 
-    H is the thickness before stretching, W the strain energy density, :math:`\lambda` the axial stretch,
-    :math:`\varepsilon` the permittivity and V the voltage. The layers hold each other around the core: the hoop stretch
-    :math:`\lambda_h` is constant, the film is in pure shear, and all layers have the same axial stretch. The wound film
-    is thin compared with the core, so that all layers also have the same hoop stretch. The spring's free length
-    :math:`\ell_0` is the one with which the spring holds a film with the published material values at its prestretch
-    without voltage; :math:`\ell_0` does not change when a fit changes the material. The roll in W. R. Jacobs' thesis
-    (2.2.3) is assumed to work by elongation.
+    H is the thickness before stretching, W the strain energy density, :math:`\varepsilon` the permittivity and V the
+    voltage. :math:`\lambda` is the axial stretch and :math:`\lambda_h` the hoop stretch. The hoop stretch is constant,
+    because the layers hold each other around the core: the film is in pure shear. The wound film is assumed to be thin
+    compared with the core, so that the stretches are the same in all layers. :math:`\ell_0` is the free length of the
+    spring. It is computed from the prestretch with the published material values, and is then constant.
 
     Parameters
     ----------
     length : float
         L, the length of the unstretched film along the axis, m.
     width : float
-        B, the length along the winding of the unstretched film between electrodes, m, summed over both films of a pair.
+        B, the length of the unstretched film along the winding, m; if two films are wound together, the sum of both.
     prestretch, hoop_prestretch : float
-        Stretch along the axis and around it, without voltage.
+        Stretches along and around the axis, without voltage.
     spring_rate : float
         k, the stiffness of the spring, N/m.
     load : float
-        F, a dead load that pulls the roll longer, N.
-    material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start procedure, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
-        damping in N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's
-        history before the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and
-        `direction` is -1 if the reading falls as the displacement grows.
+        F, a dead load that elongates the roll, N.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
+    thickness : float
+        Thickness of the film before stretching, m.
+    mass : float
+        Mass of the moving part, kg.
+    damping : float
+        Damping constant of the moving part, N s/m; a start value for a fit.
+    gain : float
+        Gain of the amplifier: film volts per command volt.
+    start_ramp, start_hold : float
+        Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
+    start_is_known : bool
+        False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
+        the initial values of slow states, such as those of Maxwell branches, are fitted.
+    zero_is_known : bool
+        False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
+    direction : float
+        1 if the reading grows with the displacement, -1 if it falls.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 

@@ -73,9 +73,10 @@ class _Pen:
 
 
 def draw_rig(rig: Rig, ax: Axes | None = None) -> Axes:
-    """Draw a rig with its dimensions: a round rig from above and from the side, another rig from one side.
+    """Draw a rig with its dimensions.
 
-    Lengths in the plane of the film are to scale; thickness and deflection are not.
+    A round rig is drawn from above and from the side, any other rig from one side. Lengths in the plane of the film are
+    to scale; thickness and deflection are not.
 
     Parameters
     ----------

@@ -19,17 +19,16 @@ MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the el
 
 @dataclass(frozen=True, kw_only=True)
 class Stack(FilmActuator):
-    r"""Stack of layers in series across their thickness; the reading is its contraction under voltage.
+    r"""Stack of film layers that are loaded in series; the reading is the contraction of the stack under voltage.
 
-    The n layers have the height h, so that the in-plane stretches are :math:`\lambda = \sqrt{nH/h}`.
+    .. math:: n A\Bigl(H\,\frac{dW}{dh} - \frac{\varepsilon V^2}{2H}\,\frac{d\lambda^4}{dh}\Bigr) = F, \qquad
+              \lambda = \sqrt{nH/h}
 
-    .. math:: n A\Bigl(H\,\frac{dW}{dh} - \frac{\varepsilon V^2}{2H}\,\frac{d\lambda^4}{dh}\Bigr) = F
-
-    H is the thickness of a layer before stretching, W the strain energy density of the film, :math:`\varepsilon` its
+    h is the height of the stack, n the number of layers, A the area and H the thickness of a layer before stretching.
+    :math:`\lambda` is the equal-biaxial in-plane stretch, W the strain energy density, :math:`\varepsilon` the
     permittivity, V the voltage across each layer, and F the load, which lengthens the stack. Electrodes and end plates
-    do not constrain the film in its plane, so a stack without load is a free equal-biaxial film: at small strain it
-    shortens by :math:`nH\,\varepsilon E^2/Y`, with the field E and Young's modulus Y. The stack in W. R. Jacobs' thesis
-    (2.2.3) is assumed to work by contraction.
+    do not constrain the layers in their plane. At small strain, a stack without load therefore contracts by
+    :math:`nH\,\varepsilon E^2/Y`, where E is the field and Y Young's modulus.
 
     Parameters
     ----------
@@ -39,11 +38,25 @@ class Stack(FilmActuator):
         A, the area of each layer before stretching, m².
     load : float
         F, a dead load on the lower end, N; positive lengthens the stack.
-    material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start procedure, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
-        damping in N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's
-        history before the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and
-        `direction` is -1 if the reading falls as the displacement grows.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
+    thickness : float
+        Thickness of the film before stretching, m.
+    mass : float
+        Mass of the moving part, kg.
+    damping : float
+        Damping constant of the moving part, N s/m; a start value for a fit.
+    gain : float
+        Gain of the amplifier: film volts per command volt.
+    start_ramp, start_hold : float
+        Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
+    start_is_known : bool
+        False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
+        the initial values of slow states, such as those of Maxwell branches, are fitted.
+    zero_is_known : bool
+        False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
+    direction : float
+        1 if the reading grows with the displacement, -1 if it falls.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 

@@ -25,14 +25,14 @@ ERROR = "error"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """Results of the cases that have been run.
+    """Results of the finished cases of a study.
 
     Parameters
     ----------
     store : CaseStore
         Store that holds the results.
     names : tuple of str
-        Names of the cases, in order.
+        Names of the cases, in the order in which the results are returned.
     """
 
     store: CaseStore
@@ -47,7 +47,7 @@ class Study:
 
     @property
     def failures(self) -> dict[str, str]:
-        """Messages of the cases that ended in an error, by name."""
+        """Error messages of the cases that ended in an error, by the name of the case."""
         return {found["name"]: found[ERROR] for found in self if ERROR in found}
 
     def discard_failures(self) -> None:
@@ -55,15 +55,16 @@ class Study:
         self.store.discard(self.failures)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return all results as a dataset with the dimension ``case``.
+        """Return all results as a dataset with the dimension ``case``; this needs xarray (the extra ``files``).
 
-        This needs xarray (the extra ``files``). The values that define a case are coordinates. For a case that failed,
-        numbers are NaN, texts are empty, and the variable ``error`` holds the message.
+        The values that define a case are coordinates. For a case that ended in an error, numbers are NaN, texts are
+        empty, and the variable ``error`` contains the message.
 
         Raises
         ------
         DataError
-            If xarray is not installed, or a result has different shapes or types in different cases.
+            If xarray is not installed, if a result has different shapes or types in different cases, or if a result has
+            the name of a coordinate or of the variable ``error``.
         """
         try:
             import xarray
@@ -100,24 +101,24 @@ class Study:
         Raises
         ------
         DataError
-            For the reasons given in `to_xarray`, or if the file cannot be written.
+            Same as for `to_xarray`, or if the file cannot be written.
         """
         with replacing(path) as half:
             self.to_xarray().to_netcdf(half, engine="h5netcdf")
 
 
 def open_study(folder: Path | str) -> Study:
-    """Open a study on disk, with all finished cases in the order of their names.
+    """Open a study on disk, with all finished cases, sorted by name.
 
     Parameters
     ----------
     folder : path
-        Folder that was given to `run_study`.
+        Folder of the study, as given to `run_study`.
 
     Raises
     ------
     DataError
-        If the folder holds no study.
+        If the folder does not contain a study.
     """
     store = CaseStore(folder, read_seal(folder))
     return Study(store=store, names=tuple(sorted(store.names())))

@@ -27,17 +27,17 @@ DIGITS = 16  # Length of a case's name: of ten million cases two share one with 
 
 
 def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
-    """Return every combination of values.
+    """Return all combinations of the values of several variables, for example as the cases of `run_study`.
 
     Parameters
     ----------
     **axes : iterable
-        Values of each name.
+        Values of each variable, by the name of the variable.
 
     Returns
     -------
     list of dict
-        Combinations; the last axis varies fastest.
+        One mapping of names to values for each combination; the last variable varies fastest.
 
     Examples
     --------
@@ -59,36 +59,38 @@ def run_study(
 ) -> Study:
     """Run a function on every case, or resume an earlier run.
 
-    Each result is written to the folder as soon as it is known. If `work` raises an error, this error is the result of
-    the case; see `Study.failures`. Cases are identified by their content, so a study can be extended. A study is
-    refused if its function, seed or settings, or the version or code of deatwin, have changed since its first case.
+    Each result is written to the folder as soon as the case is finished. If `work` raises an error for a case, the
+    error message is the result of the case; see `Study.failures`. To extend a study, run it again with additional
+    cases: finished cases are not repeated. The function, the seed, the settings, and the version and the code of
+    deatwin must not change between the runs of a study.
 
     Parameters
     ----------
     cases : iterable of mapping
-        Mappings from names to numbers, texts or None, for example from `grid`.
+        Cases, each a mapping of names to numbers, texts or None, for example from `grid`.
     work : callable
-        Function ``work(case, rng)`` that returns a mapping of names to numbers, texts and arrays; ``rng`` is a
-        `numpy.random.Generator` that depends on seed and case alone. The function must be defined in a module or in the
-        script: a partial or a closure is refused, because changes of the values that it holds could not be noticed.
+        Function ``work(case, rng)`` that returns a mapping of names to numbers, texts and arrays. ``rng`` is a
+        `numpy.random.Generator` that depends only on the seed and the case. The function must be defined in a module or
+        in the script. A partial or a closure is an error, because it contains values that could change unnoticed.
     folder : path
-        Folder of the study. On a cluster all workers must see it under this path.
+        Folder of the study. On a cluster, all workers must have access to it under this path.
     seed : int
         Seed of all random numbers.
     settings : mapping, optional
-        Further plain data that must not change, such as the hash of a file that `work` reads.
+        Other plain data that must not change between the runs, such as the hash of a file that `work` reads.
     jobs : int, optional
-        Number of worker processes; by default that of ``joblib.parallel_config``, or 1.
+        Number of worker processes; by default the number set with ``joblib.parallel_config``, otherwise 1.
     tell : callable, optional
-        Callback that receives the completed share and a text; by default a progress bar on a terminal.
+        Function that is called with the completed fraction of the study and a text; by default, a progress bar is shown
+        on a terminal.
 
     Raises
     ------
     DataError
-        If the folder holds a study with another function, seed, settings, version or code, or cases or function are not
-        as described.
+        If the folder contains a study with another function, seed, settings, version or code; if `work` is not a
+        function as described; or if two cases are equal or a case contains other values than those described.
     KeyboardInterrupt
-        If the user interrupts; finished cases are kept, and the text says how many there are.
+        If the user interrupts the run. Finished cases are kept, and the text states their number.
     """
     from deatwin.studies.provenance import versions
     from deatwin.studies.voice import Voice

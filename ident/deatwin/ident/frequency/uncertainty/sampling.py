@@ -37,7 +37,7 @@ _MOST_BYTES = 1 << 31  # of complex draws
 
 
 class SampleStatus(Enum):
-    """Status of the draws, which tells whether all draws have the model's operating point.
+    """Status of a sampled frequency response: whether draws had to be left out.
 
     The value of each member is a message for the user.
     """
@@ -56,22 +56,23 @@ class SampleStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sampled(Uncertain):
-    """Draws of a frequency response from the posterior of its parameters, as `sample` returns them.
+    """Frequency response at random draws from the posterior of the model's parameters, as `sample` returns it.
 
     Parameters
     ----------
     response : FrequencyResponse
-        Frequency response at the model's own parameters.
+        Frequency response at the estimated parameters, with n points.
     level : float
-        Default probability of confidence regions and bands.
+        Default coverage probability of the confidence regions and bands.
     dof : float
-        Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
+        Degrees of freedom of the Student-t posterior of the parameters; infinite if the posterior is normal.
     draws : ndarray of complex, shape (n_kept, n)
-        Response at draws of the parameters, in the response's unit.
+        Response at each draw that was kept, in the response's unit.
     n_without : int
-        Number of draws left out because they have no equilibrium.
+        Number of draws left out because the model has no equilibrium at these parameters.
     n_other : int
-        Number of draws left out because their operating point is stable and the model's is not, or conversely.
+        Number of draws left out because the equilibrium is stable for the draw and unstable for the estimated
+        parameters, or conversely.
     """
 
     draws: Complex = field(metadata=variable("draw", "point", unit=attrgetter("unit")))
@@ -84,7 +85,7 @@ class Sampled(Uncertain):
 
     @property
     def source(self) -> str:
-        """Origin of the uncertainty, for legends."""
+        """Text for legends that states the number of draws."""
         return f"of {len(self.draws)} draws"
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -100,12 +101,12 @@ class Sampled(Uncertain):
 
     @property
     def linear_law(self) -> NDArray[np.bool_]:
-        """True at all frequencies, shape (n,): the ellipses come from the covariance of the draws themselves."""
+        """True where an ellipse describes the uncertainty: here at all n points, because no linearisation is used."""
         return np.ones(self.values.shape, dtype=np.bool_)
 
     @property
     def mean(self) -> Complex:
-        """Mean of the draws, complex, shape (n,)."""
+        """Mean of the draws, complex, shape (n,), in ``unit``."""
         return np.asarray(self.draws.mean(axis=0))
 
     @cached_property
@@ -117,17 +118,18 @@ class Sampled(Uncertain):
         return read_only(np.stack([rr, ri, ri, ii], axis=-1).reshape(-1, 2, 2) / (len(away) - 1))
 
     def gain_band(self, level: float | None = None) -> Band:
-        """Return central quantiles of the gain of the draws, of probability `level`, by default ``self.level``.
+        """Return the pointwise band of the gain, in ``unit``, of probability `level`, by default ``self.level``.
 
-        Near zero gain, these quantiles are not a confidence band of the true gain: draws about a value near zero have a
-        larger gain than that value. `Propagated.gain_band` uses the range over the ellipse there.
+        Its ends are central quantiles of the draws' gains. Where the true gain is near zero, the band may lie above the
+        true gain, because the scatter of real and imaginary part increases the gains of the draws.
+        `Propagated.gain_band` avoids this.
         """
         return self._band(np.abs(self.draws), level)
 
     def phase_band(self, level: float | None = None) -> Band:
-        """Return a pointwise band of the phase, degrees, of probability `level`, by default ``self.level``.
+        """Return the pointwise band of the phase, degrees, of probability `level`, by default ``self.level``.
 
-        Its ends are central quantiles of the draws' deviations from the model's phase.
+        Its ends are the phase of ``response`` plus central quantiles of the draws' deviations from that phase.
         """
         turned = np.angle(self.draws * np.conj(np.where(self.values == 0, 1.0, self.values)))
         return self._band(self.phase_deg + np.degrees(turned), level)
@@ -144,29 +146,31 @@ class Sampled(Uncertain):
 def sample(
     model: NarxModel, quantity: Quantity, rng: np.random.Generator, n_draws: int = 2000, *, level: float = 0.95
 ) -> Sampled:
-    """Draw a frequency response from the posterior of a model's parameters.
+    """Compute a frequency response at random draws from the posterior of a model's parameters.
 
-    Draws without an equilibrium, or whose stability differs from the model's, are left out and counted.
+    Two kinds of draws are left out and counted: those for which the model has no equilibrium, and those for which the
+    stability of the equilibrium differs from that at the estimated parameters.
 
     Parameters
     ----------
     model : NarxModel
-        Model with the covariance ``theta_cov`` of its parameters; their law is normal, or Student-t if ``theta_dof`` is
-        finite.
+        Model with the covariance ``theta_cov`` of its parameters. Their posterior is Student-t if ``theta_dof`` is
+        finite, and normal otherwise.
     quantity : callable
-        Function from a model to a FrequencyResponse; see `deatwin.ident.frequency.propagate`.
+        Function that takes a model and returns a FrequencyResponse, for example
+        ``partial(gfrf, order=1, omega=omega)``.
     rng : numpy.random.Generator
         Random generator for the draws.
     n_draws : int
         Number of draws, at least 2.
     level : float
-        Default probability of confidence regions and bands.
+        Default coverage probability of the confidence regions and bands.
 
     Raises
     ------
     ModelError
-        If level, rng or number of draws are not as described, the draws need more than 2 GiB, the covariance of the
-        parameters is invalid, the quantity is not a FrequencyResponse, or fewer than two draws remain.
+        If `level`, `rng` or `n_draws` is not as described, the draws need more than 2 GiB, the covariance of the
+        parameters is invalid, `quantity` does not return a FrequencyResponse, or fewer than two draws are kept.
     """
     response = response_of(model, quantity, level)
     n_draws = whole_number(n_draws, "n_draws", 2)

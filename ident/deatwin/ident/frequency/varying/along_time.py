@@ -45,8 +45,8 @@ def tv_gfrf(
 ) -> VaryingResponse:
     """Compute the generalised frequency response H_n of a model whose parameters change with time.
 
-    At each time the parameters are frozen, and the model is expanded about the equilibrium of that time; a moving
-    equilibrium changes the responses of all orders.
+    At each time, the parameters are taken as constant, and the model is expanded about its equilibrium. A change of the
+    equilibrium over time changes the responses of all orders.
 
     Parameters
     ----------
@@ -57,24 +57,24 @@ def tv_gfrf(
     omega : array_like, shape (n_values,) for order 1, else (n_values, order)
         Angular frequencies, rad/s, in the form that `gfrf` takes.
     timepts : array_like, shape (n_times,), optional
-        Increasing times, s; each uses the parameters of the nearest time of the trajectory. By default the times of the
-        trajectory, thinned evenly to at most 200.
+        Increasing times, s. The parameters at each time are those of the nearest time of the trajectory. By default the
+        times of the trajectory, thinned evenly to at most 200.
     operating_input : array_like, shape () or (n_times,), optional
-        Constant input, or one for each time, in its unit; the mean of the training inputs by default.
+        Input at the operating point, in its unit: one value, or one for each time. By default the mean of the training
+        inputs.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1, and the name of the current step.
 
     Returns
     -------
     VaryingResponse
-        Response H_n over time, in output units per n-th power of the input unit, with the covariance that follows from
-        the parameters at each time.
+        Response H_n over time, in output units per n-th power of the input unit, with its covariance.
 
     Raises
     ------
     ModelError
-        For the reasons given in `gfrf`; or if times lie outside the trajectory or do not increase, or no time has an
-        equilibrium.
+        For the reasons given in `gfrf`. Also if times lie outside the trajectory or do not increase, or if no time has
+        an equilibrium.
 
     References
     ----------
@@ -97,24 +97,24 @@ def tv_nofrf(
     operating_input: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> VaryingResponse:
-    """Compute the nonlinear output frequency response G_n to a periodic input over time.
+    """Compute the nonlinear output frequency response G_n of a model whose parameters change with time.
 
-    At each time G_n = Y_n / U_n, where Y_n is the exact n-th order of the output in the steady state of the model with
-    the parameters of that time, and U_n is the spectrum of the input's n-th power.
+    At each time, the parameters are taken as constant, and G_n = Y_n / U_n. Here Y_n is the spectrum of the n-th order
+    of the output in the periodic steady state, computed exactly, and U_n is the spectrum of the input's n-th power.
 
     Parameters
     ----------
     trajectory : ThetaTrajectory
         Parameters theta(t) of a model of one input and one output.
     excitation : array_like, shape (n_samples,)
-        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
-        unit.
+        One period of the input minus `operating_input`, at the model's sample time, in the input's unit.
     order : int
         Order n, at least 1.
     timepts : array_like, shape (n_times,), optional
         Increasing times, s; see `tv_gfrf`.
     operating_input : array_like, shape () or (n_times,), optional
-        Constant input, or one for each time, in its unit; the mean of the training inputs by default.
+        Input at the operating point, in its unit: one value, or one for each time. By default the mean of the training
+        inputs.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1, and the name of the current step.
 
@@ -126,12 +126,12 @@ def tv_nofrf(
     Warns
     -----
     NofrfWarning
-        If the excitation is not suitable for the order.
+        If the contributions to U_n cancel at some frequencies, so that G_n is erratic there.
 
     Raises
     ------
     ModelError
-        For the reasons given in `output_orders` and `tv_gfrf`, or if the input is always zero.
+        For the reasons given in `output_orders` and `tv_gfrf`, or if `excitation` is zero throughout.
 
     References
     ----------

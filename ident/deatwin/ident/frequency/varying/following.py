@@ -39,25 +39,25 @@ def followed(trajectory: ThetaTrajectory, timepts: Array, inputs: Array) -> Iter
 def hold_equilibrium(
     trajectory: ThetaTrajectory, output: float, operating_input: float | None = None
 ) -> ThetaTrajectory:
-    """Return a trajectory whose constant term is adjusted so that the equilibrium stays constant.
+    """Return a trajectory whose constant term is adjusted so that the equilibrium does not change with time.
 
-    All other parameters are unchanged, so the difference between the responses of the adjusted and of the original
-    trajectory is the effect of the moving equilibrium.
+    All other parameters are unchanged. The response of the original trajectory minus that of the adjusted one is
+    therefore the effect of the change of the equilibrium.
 
     Parameters
     ----------
     trajectory : ThetaTrajectory
         Parameters theta(t) of a model of one input and one output.
     output : float
-        Output at the equilibrium at all times, in its unit.
+        Output at the equilibrium, in its unit; the same at all times.
     operating_input : float, optional
         Constant input at the equilibrium, in its unit; the mean of the training inputs by default.
 
     Returns
     -------
     ThetaTrajectory
-        Trajectory with a constant term (appended as the last term if there was none) and an operating range centred at
-        this equilibrium.
+        Trajectory with the adjusted constant term and an operating range centred at the equilibrium. If the model had
+        no constant term, one is appended as the last term.
 
     Raises
     ------

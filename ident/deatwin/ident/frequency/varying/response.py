@@ -58,20 +58,24 @@ _DECADES = 20.0  # ratio of the highest to the lowest frequency above which the 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VaryingResponse(Described, Frozen):
-    """Response H_n, G_n or Y_n (see `FrequencyResponse`) over time, with parameters and input frozen at each time.
+    """Frequency response of a model whose parameters change with time.
+
+    At each time, the parameters and the operating input are taken as constant.
 
     Parameters
     ----------
     timepts : ndarray, shape (n_times,)
         Increasing times on the experiment's clock, s.
     operating_inputs : ndarray, shape (n_times,)
-        Constant input of each time, in its unit.
+        Input at the operating point of each time, in its unit.
     models : tuple of (NarxModel or None), length n_times
-        Model of each time; its ``operating`` range is centred at its equilibrium. None if there is no equilibrium.
+        Model with the parameters of each time. Its ``operating`` range is centred at its equilibrium. None if there is
+        no equilibrium.
     responses : tuple of (FrequencyResponse or None), length n_times
-        Response of each model; at least one is not None.
+        Response of each model at n_values points: generalised frequency response H_n, nonlinear output frequency
+        response G_n, or output spectrum Y_n. None if there is no model; at least one is not None.
     correct : callable
-        Function without arguments that returns `frozen_correction`, complex, shape (n_times, n_values).
+        Function without arguments that computes `frozen_correction`.
     """
 
     timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
@@ -121,7 +125,7 @@ class VaryingResponse(Described, Frozen):
 
     @property
     def omega(self) -> Array:
-        """Angular frequencies, rad/s, shape (n_values,), or (n_values, order) for H_n of order 2 and more."""
+        """Angular frequencies, rad/s, shape (n_values,), or (n_values, order) for H_n of order 2 or higher."""
         return self._first.omega
 
     @property
@@ -146,7 +150,7 @@ class VaryingResponse(Described, Frozen):
 
     @cached_property
     def equilibrium_std(self) -> Array:
-        """Standard deviation of the equilibrium due to the parameters, in the output's unit, shape (n_times,)."""
+        """Standard deviation of ``equilibria``, which the uncertainty of the parameters causes, shape (n_times,)."""
         return read_only(
             [
                 np.nan if model is None or response is None else _std_of(model, response)
@@ -156,28 +160,28 @@ class VaryingResponse(Described, Frozen):
 
     @cached_property
     def values(self) -> Complex:
-        """Complex response in ``unit``, shape (n_times, n_values); NaN if there is none."""
+        """Complex response in ``unit``, shape (n_times, n_values); NaN at times without an equilibrium."""
         values = self._stacked(lambda response: response.values)
         values.setflags(write=False)
         return values
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of real and imaginary part, shape (n_times, n, 2, 2), to first order."""
+        """Covariance of real and imaginary part, shape (n_times, n_values, 2, 2), to first order in the parameters."""
         return read_only(self._stacked(lambda response: response.covariance))
 
     @property
     def gain(self) -> Array:
-        """Magnitude, shape (n_times, n_values)."""
+        """Magnitude of the response in ``unit``, shape (n_times, n_values)."""
         return np.asarray(np.abs(self.values), dtype=np.float64)
 
     @cached_property
     def frozen_correction(self) -> Complex:
-        """Contribution of the changing parameters to the response, complex, shape (n_times, n_values), in ``unit``.
+        """Correction for the rate at which the parameters change, complex, shape (n_times, n_values), in ``unit``.
 
-        To first order in the rate of variation, the steady response of the varying system to a tone is ``values`` plus
-        this correction; see `moving_parts`. The rate is computed between neighbours in ``timepts``: NaN if a neighbour
-        has no stable equilibrium, and for a single time.
+        To first order in this rate, the response of the time-varying model is ``values`` plus the correction. The rate
+        is the difference quotient between neighbouring times of ``timepts``. The correction is NaN if a neighbouring
+        time has no stable equilibrium, or if there is only one time.
         """
         correction = self.correct()
         correction.setflags(write=False)
@@ -185,29 +189,27 @@ class VaryingResponse(Described, Frozen):
 
     @property
     def frozen_error(self) -> Array:
-        """Magnitude of ``frozen_correction``, shape (n_times, n_values): the error of freezing the parameters.
+        """Error of taking the parameters as constant: magnitude of ``frozen_correction``, shape (n_times, n_values).
 
-        For H_1 it is the rate of change of H_1 times the delay of the feedback, so it is small if the system changes
-        little within its own memory.
+        The error is small if the parameters change little within the memory of the system.
         """
         return np.asarray(np.abs(self.frozen_correction), dtype=np.float64)
 
     def band(self, level: float = 0.95) -> Band:
         """Return the pointwise confidence band of the gain at each time.
 
-        The band holds to first order in the parameters; ``propagate(model, quantity)`` with one of ``models`` tests
-        whether the parameters are known well enough for that.
+        The band is computed to first order in the parameters. To test whether their uncertainty is small enough for
+        that, apply `propagate` to one of ``models``. The band does not include ``frozen_error``.
 
         Parameters
         ----------
         level : float
-            Probability at each time and frequency, between 0 and 1. The band does not include the error of freezing the
-            parameters (``frozen_error``).
+            Coverage probability at each time and frequency, between 0 and 1.
 
         Returns
         -------
         Band
-            Band as returned by `FrequencyResponse.band`, of shape (n_times, n_values); NaN if there is no response.
+            Band with arrays of shape (n_times, n_values); NaN at times without a response.
 
         Raises
         ------
@@ -218,9 +220,10 @@ class VaryingResponse(Described, Frozen):
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=law == 1.0)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the gain as a map over time and frequency; unstable times are hatched, times without response blank.
+        """Plot the gain as a map over time and frequency, on `ax` or new axes.
 
-        Responses of several frequencies are plotted over the first of them that changes, on `ax` or new axes.
+        Times with an unstable equilibrium are hatched; times without a response are blank. If each point has several
+        frequencies, the frequency axis is the first one that differs between points.
         """
         return _plot_map(self, ax)
 

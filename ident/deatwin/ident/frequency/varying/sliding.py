@@ -34,7 +34,7 @@ _CHANCE = 0.01  # p-value below which a change counts as drift
 
 
 class SlidingStatus(Enum):
-    """Conclusion from sliding windows about drift of a record.
+    """Conclusion about drift of a recording, drawn from sliding windows.
 
     The value of each member is a message for the user.
     """
@@ -50,13 +50,13 @@ class SlidingStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """True if the windows can distinguish drift from chance."""
+        """True if the windows can distinguish drift from random variation."""
         return self in (SlidingStatus.STEADY, SlidingStatus.DRIFTING)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SlidingStatistics(Described):
-    """Mean and gain of a record in sliding windows.
+    """Mean and gain of a recording in sliding windows.
 
     Parameters
     ----------
@@ -65,22 +65,22 @@ class SlidingStatistics(Described):
     window_s : float
         Length of a window, s.
     level : float
-        Pointwise probability of the bands.
+        Coverage probability of the bands in each window.
     mean, mean_low, mean_high : ndarray, shape (n_windows,)
-        Mean of the output with its band, in the output's unit.
+        Mean of the output, and lower and upper end of its confidence band, in the output's unit.
     gain, gain_low, gain_high : ndarray, shape (n_windows,)
-        Standard deviation of the output divided by that of the input, with its band, output unit per input unit; NaN if
-        the input is constant.
+        Standard deviation of the output divided by that of the input, and lower and upper end of its confidence band,
+        in output units per input unit. NaN if the input or the output is constant.
     p_mean, p_gain : float
-        p-values of the tests for drift of mean and gain: probability of differences at least as large between
-        non-overlapping windows if nothing drifts; NaN with fewer than two windows.
+        p-values of the tests for drift of the mean and of the gain between windows that do not overlap. NaN with fewer
+        than two such windows.
     mean_correlation, gain_correlation : float
-        Correlation between neighbouring batches (tenths of a window), used to widen the bands; near 0 if the windows
-        are long enough.
+        Correlation of the mean, and of the logarithm of the gain, between neighbouring tenths of a window. It widens
+        the bands; it is near 0 if the windows are long enough.
     status : SlidingStatus
-        Conclusion about drift along the record.
+        Conclusion about drift.
     output_name, output_unit, input_unit : str
-        Name and units for the labels of plots.
+        Name of the output, and units of output and input, for the labels of plots; empty if unknown.
     """
 
     timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
@@ -112,7 +112,7 @@ class SlidingStatistics(Described):
         return f"{self.output_unit}/{self.input_unit}" if self.output_unit and self.input_unit else ""
 
     def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
-        """Draw mean and gain over time with their bands on two `axes` or new ones; ModelError if fewer are given."""
+        """Draw mean and gain over time with their bands, on two `axes` or new ones; ModelError if fewer are given."""
         panels = panels_or_new(axes, 2, height=2.2, sharex=True)
         drawn = (
             (f"mean {self.output_name}", self.output_unit, self.mean, self.mean_low, self.mean_high, self.p_mean),
@@ -132,36 +132,36 @@ class SlidingStatistics(Described):
 def sliding_mean_and_gain(
     recording: Recording, window_s: float, *, step_s: float | None = None, level: float = 0.95
 ) -> SlidingStatistics:
-    """Compute mean and gain of a record in sliding windows, with confidence bands.
+    """Compute mean and gain of a recording in sliding windows, with confidence bands.
 
-    The gain is the standard deviation of the output divided by that of the input: the root mean square of the frequency
-    response over the band of the input. (A regression slope of output on input would decrease as the output lags
-    further behind.) Noise and drift within a window increase the gain.
+    The gain is the standard deviation of the output divided by that of the input. Noise and drift within a window
+    increase the gain.
 
-    A window is cut into ten batches. Their scatter gives the standard error of the mean for any serial correlation,
-    provided that a batch is longer than the correlation time; the correlation r that remains between neighbouring
-    batches, measured over all windows, widens the band by sqrt((1 + r) / (1 - r)). The band follows the t distribution
-    with nine degrees of freedom. The band of the logarithm of the gain comes from the jackknife over the batches, which
-    also removes the small-sample bias of a standard deviation. An analysis of variance of the batches tests whether
-    non-overlapping windows differ by more than chance.
+    Each window is divided into ten batches. The scatter of the batch means gives the standard error of the mean. A
+    jackknife over the batches gives the standard error of the logarithm of the gain. The bands use the t distribution
+    with nine degrees of freedom. A correlation r between neighbouring batches, estimated from all windows, widens the
+    bands by the factor sqrt((1 + r) / (1 - r)). An analysis of variance tests whether windows that do not overlap
+    differ by more than random variation.
 
     Parameters
     ----------
     recording : Recording
         Recording of one input and one output.
     window_s : float
-        Length of a window, s, rounded to tens of samples; it must be longer than the memory of the output.
+        Length of a window, s, rounded to a multiple of ten samples. A tenth of it should be longer than the memory of
+        the system.
     step_s : float, optional
         Distance between successive windows, s; a quarter of the window by default.
     level : float
-        Probability of the bands, between 0 and 1.
+        Coverage probability of the bands in each window, between 0 and 1.
 
     Raises
     ------
     DataError
-        If the recording has several inputs or outputs, or the lengths do not fit the recording.
+        If the recording does not have exactly one input and one output, the window has fewer than 40 samples or is
+        longer than the recording, or the step is shorter than the sample time.
     ModelError
-        If a length is not a number, or the level is not between 0 and 1.
+        If `window_s` or `step_s` is not a number, or `level` is not between 0 and 1.
 
     References
     ----------

@@ -44,7 +44,9 @@ def write_input(path: Path | str, commands: Recording) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Advice(Described):
-    """The next experiment.
+    """Advice on the next experiment, which would distinguish the explanations that remain possible.
+
+    The advice rests on the squared distance d² between two explanations (`Distance`) for the new input.
 
     Parameters
     ----------
@@ -57,24 +59,25 @@ class Advice(Described):
     added_mass : float or None
         Mass to add to the load before the experiment, kg; None if none is needed.
     measure : str or None
-        Another signal that would decide, if no input distinguishes all explanations.
+        Signal to measure in addition, if the input alone cannot distinguish all explanations.
     confusion_before, confusion_after : float
-        Probability of preferring the nearest wrong explanation, averaged over the explanations that may be true, before
-        and after the advised experiment; equal if no experiment is advised. `confusion_before` is the larger of two
-        estimates: first-order, and from refits to all recordings.
+        Probability that the nearest wrong explanation fits better than the true one, before and after the advised
+        experiment. It is averaged over the explanations, each of which is taken as the true one in turn. Both values
+        are equal if no experiment is advised. `confusion_before` is the larger of two estimates: one to first order,
+        one from refits to all recordings.
     undecided : tuple of str
-        Entries of `alternatives` that the experiment would not distinguish from another entry (squared distance d²
-        below 16).
+        Entries of `alternatives` that the experiment would not distinguish from at least one other entry (d² below 16).
     tried : mapping of str to float
-        First-order d² that each waveform would reach; for this comparison, all waveforms have the same length.
+        For each waveform, the smallest d² between two of the explanations, to first order. For this comparison, all
+        waveforms have the same length.
     predicted : tuple of ndarray, each of shape (n,)
-        Readings that each explanation in `alternatives` predicts for the input, SI. Each explanation is first refitted
-        so that it imitates the first one.
+        Readings that each explanation in `alternatives` predicts for the input, SI. All explanations but the first are
+        refitted to the readings that the first one predicts.
     log_odds : float
         Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after an
-        experiment with the best waveform but without a further reading.
+        experiment with the best waveform and no additional reading.
     readings : tuple of PricedReading
-        Further readings that the rig could have, the most informative first.
+        Additional readings that the rig could have, the most informative first.
     noise : float
         Standard deviation of the sensor noise, SI.
     output : tuple of str
@@ -190,7 +193,7 @@ class Advice(Described):
         return found
 
     def save_input(self, path: Path | str) -> None:
-        """Write the input as a CSV file, ``time_s,command_V``, that `deatwin simulate` and a drive can take.
+        """Write the input as a CSV file with columns such as ``time_s,command_V``, for `deatwin simulate` or a drive.
 
         Parameters
         ----------
@@ -201,8 +204,9 @@ class Advice(Described):
             write_input(path, self.recording)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the input and the difference between the predicted readings or, without an input, the d² of each
-        waveform.
+        """Draw the input, and the differences between the readings that the explanations predict.
+
+        If no input is advised, draw the d² of each waveform.
 
         Parameters
         ----------

@@ -63,19 +63,21 @@ def advise(
     distances: Sequence[Distance] = (),
     progress: Callable[[float, str], None] | None = None,
 ) -> Advice | None:
-    """Find the shortest safe input that distinguishes all explanations or, if there is none, some of them.
+    """Find the shortest input within the rig's limits that distinguishes all explanations.
+
+    If there is no such input, the advised one distinguishes some of them.
 
     Parameters
     ----------
     problem : DiagnosisProblem
-        Rig and recordings.
+        Diagnosis problem with the rig and the recordings.
     alternatives : sequence of Candidate
-        Explanations that the recordings leave, the best first; the first eight are used.
+        Explanations that the recordings do not rule out, the best first. Only the first eight are used.
     rng : numpy.random.Generator
         Random generator for plants drawn from the posterior and for random waveforms.
     distances : sequence of Distance, optional
-        Distances between the explanations, if refits have computed them. They enter `Advice.confusion_before`, because
-        a refit may bring two explanations nearer to each other than the first-order computation predicts.
+        Distances between the explanations for the existing recordings, if refits have computed them. They are used for
+        `Advice.confusion_before`, because a first-order distance may be too large.
     progress : callable, optional
         Called with the completed share and a description of the current work.
 

@@ -29,7 +29,7 @@ class SensorOffer:
 
 @dataclass(frozen=True, kw_only=True)
 class PricedReading(SensorOffer):
-    """Reading that was not recorded, and how well it would distinguish the explanations.
+    """Reading that was not recorded, with a measure of how well it would distinguish the explanations.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ class PricedReading(SensorOffer):
         Source of the value of `noise`.
     log_odds : float
         Natural logarithm of the expected odds of the true explanation over the nearest other explanation, if this
-        reading is added to the present recordings. If the value is negative, the other explanation would still be
-        preferred: the reading shows too little of the difference to outweigh the prior.
+        reading is added to the existing recordings. A negative value means that the other explanation would still be
+        preferred, because of its larger prior probability.
     resolves : bool
         True if the reading distinguishes all explanations.
     """

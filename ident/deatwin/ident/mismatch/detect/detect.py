@@ -60,7 +60,7 @@ def detect(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator)
     problem : DiagnosisProblem
         Diagnosis problem with the recordings.
     rng : numpy.random.Generator
-        Random generator for the draws of the bootstrap.
+        Random generator for the bootstrap.
 
     Returns
     -------

@@ -68,36 +68,37 @@ class Detection(Described):
     Parameters
     ----------
     p_value : float
-        Joint probability of statistics at least as large if nothing is missing; at least 1 / (number of draws + 1).
+        p-value of all statistics together, for the hypothesis that nothing is missing. A bootstrap computes this value,
+        so it is at least 1 / (number of draws + 1).
     statistics : tuple of Statistic
-        One result for each group of statistics: variance ratio, cumulative periodogram, correlation with the command,
-        correlation of the squared residual.
+        One result for each group of statistics of the residual: variance ratio, cumulative periodogram, correlation
+        with the command, and correlation of the squared residual with the command.
     size : float
-        Rms residual beyond the sensor noise, on fitted or held-out data, whichever is larger, SI.
+        Rms residual beyond the sensor noise, SI: the larger of the values on fitted and on held-out data.
     practical : float
-        Smallest excess that counts as missing physics, rms, SI.
+        Smallest `size` that counts as missing physics, SI.
     noise, model_error : float
         Sensor noise and model error, rms, SI.
     certain : bool
-        True if the residual on fitted or on held-out data is so large that its size alone proves a mismatch.
+        True if the residual on fitted or on held-out data is so large that it proves a mismatch, whatever the p-value.
     taken_up : Calibration or None
-        Plant fitted to all data, if this fit leaves no mismatch; else None.
+        Fit of the plant to all data, if this fit leaves no mismatch; else None.
     sensor : NoiseFloor
-        Estimates of the noise from each source.
+        Sensor noise, with the estimate from each source, such as the data sheet or repeated commands.
     repeatability : Repeatability or None
-        Test of repeated commands; None if no command is repeated.
+        Similarity of the residual between repeats of a command; None if no command is repeated.
     evidence : OriginEvidence
-        Evidence that the residual comes from the plant rather than from a disturbance.
+        Evidence on whether the residual comes from the plant or from a disturbance.
     moved : float
-        Rms change that the recorded commands cause in the readings, SI.
+        Rms response of the simulated readings to the changes of the command, SI.
     visible : bool
-        True if any effect could be detected at a physical strength, or if this was not computed.
+        True if at least one effect could be detected at a strength within its range, or if this was not computed.
     seen : callable or None
-        Function that computes `smallest` and `visible` from the responses of effects; None if they are computed
-        already.
+        Function that computes `smallest` and `visible` from the linearised responses of effects; None once they are
+        computed.
     smallest : mapping of str to float or None
-        Rms change of the readings at which each effect is detected nine times in ten, SI; None if a refit of the
-        parameters absorbs it completely.
+        For each effect, the rms change of the readings at which it is detected with a probability of 90 %, SI. None if
+        a refit of the parameters absorbs the effect completely.
     output_unit : str
         SI unit of the readings.
     curves : Curves
@@ -135,7 +136,7 @@ class Detection(Described):
     }
 
     def beside(self, known: Sequence[LinearisedResponse]) -> Detection:
-        """Return the same result, with the smallest detectable effects.
+        """Return the same result, with ``smallest`` and ``visible`` computed.
 
         Parameters
         ----------
@@ -153,37 +154,35 @@ class Detection(Described):
 
     @property
     def mismatch(self) -> bool:
-        """Return whether something is missing: a mismatch beyond chance and large enough to count, or certain by its
-        size alone.
+        """True if the plant lacks physics.
 
-        Model errors vary slowly, so a short record contains few independent ones, and chance alone makes large ones
-        likely. A mismatch that vanishes once all data are fitted is not missing physics: the parameters were not known
-        well enough.
+        The mismatch is then either significant and large enough to count, or certain by its size alone. In both cases
+        it remains when the plant is fitted to all data.
         """
         return counts(self.p_value, self.size, self.practical, self.certain) and self.taken_up is None
 
     @property
     def testable(self) -> bool:
-        """Return whether these recordings can show a mismatch at all.
+        """True if these recordings can show a mismatch at all.
 
-        The recorded commands must move the readings by more than noise and model error, and some effect must be
-        detectable.
+        The changes of the command must change the readings by more than noise and model error, and at least one effect
+        must be detectable.
         """
         return self.moved > float(np.hypot(self.noise, self.model_error)) and self.visible
 
     @property
     def origin(self) -> Origin:
-        """Conclusion whether the residual comes from the plant or from a disturbance."""
+        """Conclusion from ``evidence``: the residual comes from the plant, or from a disturbance, or is undecided."""
         return self.evidence.origin
 
     @property
     def disturbance(self) -> bool:
-        """Return whether there is a mismatch that certainly does not come from the plant."""
+        """True if there is a mismatch and ``origin`` is ``DISTURBANCE``: it does not come from the plant."""
         return self.mismatch and self.origin is Origin.DISTURBANCE
 
     @property
     def summary(self) -> DetectionSummary:
-        """Summarise the result for a diagnosis; amplitudes in the reported unit."""
+        """Summarise the result for a diagnosis, with amplitudes in the unit of `Diagnosis.output`."""
         size = amplitude_unit(self.output_unit)[1]
         found = self.repeatability
         return DetectionSummary(
@@ -208,7 +207,7 @@ class Detection(Described):
         )
 
     def plot(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw spectrum, cumulative periodogram and correlations of the residual with the limits of chance.
+        """Draw spectrum, cumulative periodogram and correlations of the residual, with the 99 % ranges of noise alone.
 
         Parameters
         ----------

@@ -58,19 +58,19 @@ def discover(
     Parameters
     ----------
     problem : DiagnosisProblem
-        Recordings.
+        Diagnosis problem with the recordings.
     base : Candidate
-        The plant that leaves a mismatch.
+        Calibrated plant that leaves a mismatch.
     rng : numpy.random.Generator
         Random generator for all resampling.
     place : Opening, optional
-        Place at which the force acts; by default the moving part if the rig has one, else the reading.
+        Place at which the force acts. By default the moving part; if the rig has none, the reading, else the command.
 
     Returns
     -------
     Discovery or None
-        The free form; None if the plant leaves no mismatch, if no term is stable, or if the decrease of the error on
-        held-out data is less than a tenth or not significant.
+        The free form. None if the plant leaves no mismatch, if no term is chosen consistently from resampled data, or
+        if the decrease of the error on held-out data is less than 10 % or not significant.
     """
     plant = base.calibration.plant
     site = _site(plant, place)

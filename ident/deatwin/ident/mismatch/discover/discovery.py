@@ -129,14 +129,14 @@ class Discovery(Described):
     gain_low : float
         Lower 95 % bound of the decrease of the error from `before` to `after`, SI.
     unseen : ndarray, shape (m,)
-        Residuals with the free form on held-out data, SI.
+        Residuals on held-out data with the free form, SI.
     state : ndarray, shape (n,)
-        Argument of the first term along the fitted data, SI.
+        Signal on which the first term depends, over the fitted data, SI.
     entering : ndarray, shape (n,)
-        Contribution of the free form along the fitted data, SI.
+        Force of the free form over the fitted data, in the SI unit of the signal to which it is added.
     latent : Latent or None
-        Smoothed estimate of the signal that the free form describes, computed from the recordings with the other
-        parameters unchanged; None if the filter cannot observe this signal.
+        Estimate of the same force by a smoother, directly from the readings and without the terms of the free form.
+        None if the readings do not determine the force.
     """
 
     calibration: Calibration
@@ -166,12 +166,12 @@ class Discovery(Described):
 
     @property
     def free_form(self) -> FreeForm:
-        """The free form before the fit."""
+        """The free form as an effect of the plant, with the values from which the fit started."""
         return next(effect for effect in self.model.effects if isinstance(effect, FreeForm))
 
     @property
     def summary(self) -> FreeFormSummary:
-        """Summarise the free form for a diagnosis: errors in the unit of the diagnosis, terms in SI."""
+        """Summarise the free form for a diagnosis: errors in the unit of `Diagnosis.output`, terms in SI."""
         size = amplitude_unit(self.model.rig.output_unit)[1]
         return FreeFormSummary(
             place=self.free_form.enters.value,
@@ -183,7 +183,9 @@ class Discovery(Described):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the contribution of the free form against the state on which it depends most.
+        """Draw the force of the free form over the signal on which its first term depends.
+
+        Points show ``latent``, with a band of two standard deviations, unless it is None.
 
         Parameters
         ----------
@@ -193,7 +195,6 @@ class Discovery(Described):
         Returns
         -------
         matplotlib Axes
-            Axes that also show the smoothed force of the recordings as points, with a band of two standard deviations.
         """
         ax = axes_or_new(ax)
         variable = self.terms[0].term.variable

@@ -35,25 +35,28 @@ if TYPE_CHECKING:
 class Location(Described):
     """Location of the mismatch in time, frequency, operating region and part of the plant.
 
+    All fields except `readings` describe the first reading.
+
     Parameters
     ----------
     time : Times
-        Times with a mismatch.
+        Intervals of time with a mismatch.
     frequency : Bands
-        Frequencies with a mismatch.
+        Frequency bands with a mismatch.
     lines : Lines or None
-        Mismatch on the lines of a periodic input and between them; None if no record is periodic.
+        Residual under a periodic input: at the excited spectral lines, at the other odd and even lines, and its part
+        that varies between periods. None if no recording is periodic.
     region : Regions
-        Ranges of the operating signals with a mismatch.
+        Ranges of operating signals, such as the command or the reading, in which the mean residual is not zero.
     place : Places
-        Parts of the plant that predict the mismatch.
+        How well the signals at each place of the plant predict the mismatch.
     response : tuple of ResponseDifference, or None
-        Orders and bands of the frequency response that differ; None if they could not be tested.
+        Orders and frequency bands in which the recorded frequency response differs from that of the plant; None if this
+        could not be tested.
     unit : tuple of str and float
-        Reported unit of amplitudes, and its size in SI.
+        Unit in which amplitudes are reported, and its size in SI.
     readings : tuple of ReadingLocation or None
-        Location in each further reading; None if there is only one reading. All other fields describe the first
-        reading.
+        Location in each reading other than the first; None if there is only one reading.
     """
 
     time: Times
@@ -72,7 +75,7 @@ class Location(Described):
 
     @property
     def summary(self) -> LocationSummary:
-        """Summarise the location for a diagnosis; amplitudes in the reported unit."""
+        """Summarise the location for a diagnosis, with amplitudes in the reported unit."""
         size, lines = self.unit[1], self.lines
         return LocationSummary(
             time=tuple(replace(window, slope=window.slope / size) for window in self.time),
@@ -92,7 +95,7 @@ class Location(Described):
         )
 
     def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
-        """Draw time, frequency, operating region and place, then lines and response if they were computed.
+        """Draw one diagram each for time, frequency, operating region and place, and for lines and response if known.
 
         Parameters
         ----------
@@ -138,11 +141,11 @@ def locate(base: Candidate, problem: DiagnosisProblem, checked: DataQuality, rng
     base : Candidate
         The calibrated base plant.
     problem : DiagnosisProblem
-        Diagnosis problem with the fitted data.
+        Diagnosis problem with the recordings.
     checked : DataQuality
-        Recordings whose faulty samples are marked.
+        The same recordings, with their faulty samples marked.
     rng : numpy.random.Generator
-        Random generator for the test of repeatability.
+        Random generator for the test whether signals at a place predict the mismatch better than by chance.
 
     Returns
     -------

@@ -31,7 +31,7 @@ class Track:
 
 
 def readings(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -> tuple[tuple[np.ndarray, ...], ...]:
-    """Simulate the free-run readings of a plant for its recordings.
+    """Simulate a plant through experiments, and return one of its readings.
 
     Parameters
     ----------
@@ -40,12 +40,12 @@ def readings(plant: Plant, experiments: Sequence[Experiment], reading: str = "")
     experiments : sequence of Experiment
         Experiments, of which only the commands are used.
     reading : str
-        Name of the reading; the first one if empty.
+        Name of the reading; empty for the first reading of the rig.
 
     Returns
     -------
     tuple of tuple of ndarray, each of shape (n,)
-        Readings for each experiment and record, SI.
+        Simulated reading for each experiment and each of its recordings, SI.
 
     Raises
     ------

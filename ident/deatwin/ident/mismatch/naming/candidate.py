@@ -36,24 +36,26 @@ class Candidate:
     unseen : ndarray, shape (n,)
         Residuals on held-out data, SI.
     noise : float
-        Standard deviation of the sensor noise by which the candidate is judged, SI.
+        Standard deviation of the sensor noise with which the residuals are compared, SI.
     contribution : ndarray, shape (m,)
-        Change of the fitted readings by the effects alone, SI; may be empty without effects.
+        Simulated readings with the effects minus those without them, at the fitted samples and with all other
+        parameters unchanged, SI. May be empty for the base plant.
     sizes : tuple of (int, int)
-        Numbers of fitted and of held-out samples of each experiment; empty if there is only one experiment.
+        Numbers of fitted and of held-out samples, one pair for each experiment and reading. May be empty if there is
+        only one pair.
     measured : ndarray, shape (m + n,)
-        Fitted and held-out readings, SI; empty if no test depends on them.
+        Recorded readings, first at the fitted and then at the held-out samples, SI; empty if they are not needed.
     level : ndarray, shape (m + n,)
-        Relative noise level by which the residuals were divided; empty if the level is constant.
+        Relative noise level by which the residuals were divided; empty if it is constant.
     readings : tuple of str
-        Name of the reading to which each entry of `sizes` belongs; the name of the first reading is empty text. The
-        tuple is empty if there is only one reading.
+        Name of the reading for each entry of `sizes`; an empty text is the first reading of the rig. Empty if there is
+        only one reading.
     log_share : float
-        Natural logarithm of the prior probability of the places at which the effects act; all places of an effect are
+        Natural logarithm of the prior probability of the places at which the effects act. All places of an effect are
         equally probable.
     log_size : float
-        Natural logarithm of the prior density of the strengths of effects at further places (`Site`), relative to the
-        largest density; 0 or less.
+        Natural logarithm of the prior density of the strengths of effects that do not act at their usual place. The
+        density is relative to its maximum, so the value is 0 or less.
     """
 
     effects: tuple[str, ...]
@@ -79,7 +81,7 @@ class Candidate:
         return excess_of(self.unseen, self.noise, self.calibration.plant.rig.model_error)
 
     def with_floor(self, model_error: float) -> Candidate:
-        """Return the same candidate, judged with another model error.
+        """Return the same candidate, whose residuals are compared with another model error.
 
         Parameters
         ----------
@@ -94,12 +96,12 @@ class Candidate:
         return replace(self, calibration=replace(self.calibration, plant=plant))
 
     def with_stages(self, count: int) -> Candidate:
-        """Return the same candidate, to be simulated with another number of stages.
+        """Return the same candidate, whose plant is simulated with another number of stages.
 
         Parameters
         ----------
         count : int
-            Number of stages.
+            Number of stages of the integration method (`Plant.stages`).
 
         Returns
         -------
@@ -109,44 +111,43 @@ class Candidate:
 
     @property
     def mismatch(self) -> bool:
-        """Return whether the residuals certainly exceed noise and model error, on fitted or held-out data."""
+        """True if the residuals significantly exceed noise and model error, on fitted or on held-out data."""
         return self.fitted_test.mismatch or self.unseen_test.mismatch
 
     @property
     def adequate(self) -> bool:
-        """Return whether the candidate explains the recordings.
+        """True if the candidate explains the recordings.
 
-        On fitted data the residuals must not exceed noise and model error, which is stricter than having no significant
-        mismatch. On held-out data, which are extrapolated, there must be no significant mismatch.
+        On fitted data, the residuals must not exceed noise and model error at all. On held-out data, they must not
+        exceed these significantly.
         """
         return self.fitted_test.within_error and not self.unseen_test.mismatch
 
     @property
     def residuals(self) -> np.ndarray:
-        """Return the residuals on fitted and held-out data, concatenated, SI."""
+        """Residuals on fitted and then on held-out data, shape (m + n,), SI."""
         return np.concatenate([self.calibration.residuals, self.unseen])
 
     @property
     def pieces(self) -> tuple[int, ...]:
-        """Numbers of samples of the pieces of `residuals`: the fitted piece of each experiment, then each held-out
-        piece."""
+        """Numbers of samples of the pieces of ``residuals``: first all fitted pieces, then all held-out pieces."""
         sizes = self.sizes or ((self.calibration.residuals.size, self.unseen.size),)
         return tuple(size for part in zip(*sizes, strict=True) for size in part if size)
 
     @property
     def readings_of_pieces(self) -> tuple[str, ...]:
-        """Name of the reading in each of the `pieces`; empty if there is only one reading."""
+        """Name of the reading in each of the ``pieces``; empty if there is only one reading."""
         pairs = (zip(self.readings, part, strict=True) for part in zip(*self.sizes, strict=True) if self.readings)
         return tuple(name for part in pairs for name, size in part if size)
 
     @property
     def losses(self) -> np.ndarray:
-        """Mean square residual of each block, on fitted and held-out data."""
+        """Mean square residual of each block of at most 50 successive samples, on fitted and then on held-out data."""
         return np.concatenate([block_losses(self.calibration.residuals), block_losses(self.unseen)])
 
     @property
     def mean_squares(self) -> np.ndarray:
-        """Mean square of all residuals, and of each experiment that is long enough to be judged alone."""
+        """Mean square of all residuals, then that of each experiment with at least 250 samples, SI."""
         parts = [
             np.split(residuals**2, np.cumsum([pair[part] for pair in self.sizes])[:-1])
             for part, residuals in enumerate((self.calibration.residuals, self.unseen))
@@ -156,12 +157,12 @@ class Candidate:
 
     @property
     def log_prior(self) -> float:
-        """Log-prior of the places of the effects and of their strengths there."""
+        """Sum of ``log_share`` and ``log_size``: logarithm of the prior of the effects' places and strengths."""
         return self.log_share + self.log_size
 
     @property
     def evidence(self) -> float:
-        """Logarithm of the evidence of all data, plus the log-prior of the effects' places."""
+        """Logarithm of the evidence from all data (Schwarz' approximation), plus ``log_prior``, nats."""
         return evidence(self.losses, len(self.calibration.names)) + self.log_prior
 
 
@@ -201,16 +202,19 @@ def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Distance:
-    """Squared distance d² between two explanations for the commands of the recordings.
+    """Squared distance d² between the readings that two explanations predict for the recorded commands.
+
+    One explanation is first refitted to the readings that the other predicts. Two explanations are distinguished if d²
+    is at least 16.
 
     Parameters
     ----------
     effects : tuple of str
-        Names of the two explanations; the effects of a set are joined by ``+``.
+        Names of the two explanations; several effects are joined by ``+``.
     d2 : float
-        Squared difference of the predicted readings in units of noise and model error, after one explanation is
-        refitted to the readings of the other, dimensionless; from 16 on, the two are distinguished. Computed to first
-        order if the recordings have already distinguished them.
+        Sum over all samples of the squared difference of the predicted readings, divided by the variance of noise and
+        model error; dimensionless. To first order only, if the residuals of the two explanations already differ by
+        more than the model error.
     """
 
     effects: tuple[str, str]

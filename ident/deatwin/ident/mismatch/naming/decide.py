@@ -35,25 +35,27 @@ explanation."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Naming(Described):
-    """Ranking of all explanations that were tried, and the choice among them.
+    """Candidates that were tried, and the choice among them.
 
     Parameters
     ----------
     candidates : tuple of Candidate
         All candidates that could be fitted, in the order of trial; the base plant first.
     best : Candidate or None
-        Explanation with the most evidence.
+        Best explanation; None if no candidate explains the recordings.
     alternatives : tuple of Candidate
-        Alternative explanations that these recordings cannot rule out.
+        Alternative explanations that the recordings cannot rule out.
     probabilities : mapping of tuple of str to float
-        Probability, by evidence, of each candidate that has as many effects as the best one. An alternative that
-        evidence cannot compare with the best candidate gets the probability of the best candidate.
+        Probability of each candidate that has as many effects as the best one, from its evidence. The keys are the
+        effects. An alternative whose evidence cannot be compared with that of the best candidate has the probability of
+        the best candidate.
     noise : float
-        Standard deviation of the sensor noise that the best explanation leaves, SI.
+        Standard deviation of the sensor noise with which the residuals are compared, SI.
     distances : tuple of Distance
-        Distances from the best explanation to every other explanation.
+        Distances from the best explanation to other candidates.
     failed : tuple of str
-        Effects and sets of effects with which no fit could be simulated; this is not evidence against them.
+        Effects and sets of effects that could not be fitted because the simulation failed. This is no evidence against
+        them.
     """
 
     candidates: tuple[Candidate, ...]
@@ -70,13 +72,13 @@ class Naming(Described):
     }
 
     def beside(self, others: Sequence[Candidate]) -> Naming:
-        """Return the same answer with additional alternatives; of equal sets of effects, the one with more evidence
-        is kept.
+        """Return the same choice with additional alternatives.
 
         Parameters
         ----------
         others : sequence of Candidate
-            Alternatives that were as likely a priori as the candidates.
+            Additional alternatives, with the same prior probability as the candidates. Of alternatives with the same
+            effects, only the one with the most evidence is added.
 
         Returns
         -------
@@ -95,17 +97,17 @@ class Naming(Described):
         )
 
     def with_best(self, first: Candidate) -> Naming:
-        """Return the same answer with another explanation as the best; the former best becomes an alternative.
+        """Return the same choice with another explanation as the best one. The former best becomes an alternative.
 
         Parameters
         ----------
         first : Candidate
-            Best explanation, or an alternative.
+            The new best explanation: one of ``alternatives``.
 
         Returns
         -------
         Naming
-            Answer with the known distances from `first`.
+            Its ``distances`` are those that are known from `first`.
         """
         if first is self.best or self.best is None:
             return self
@@ -115,13 +117,13 @@ class Naming(Described):
         return replace(self, best=first, alternatives=others, distances=known)
 
     def as_likely(self, others: Sequence[Candidate]) -> Naming:
-        """Return the same answer with alternatives that evidence cannot compare; each gets the probability of the
-        best one.
+        """Return the same choice with additional alternatives, each with the probability of the best explanation.
 
         Parameters
         ----------
         others : sequence of Candidate
-            Alternatives to add; those already present are unchanged.
+            Alternatives whose evidence cannot be compared with that of the best explanation. Those that are already
+            present are ignored.
 
         Returns
         -------
@@ -135,7 +137,7 @@ class Naming(Described):
         return replace(self, alternatives=(*self.alternatives, *further), probabilities=normalised(weights))
 
     def without(self, refuted: Collection[frozenset[str]]) -> Naming:
-        """Return the same answer without alternatives that have been refuted.
+        """Return the same choice without alternatives that have been refuted.
 
         Parameters
         ----------
@@ -157,12 +159,12 @@ class Naming(Described):
         )
 
     def knowing(self, later: Naming) -> Naming:
-        """Return the same answer with later trials in the same interpretation of the rig file added.
+        """Return the same choice, with the candidates that were tried later in the same search.
 
         Parameters
         ----------
         later : Naming
-            Later result of the same search.
+            Later result. It is ignored if it is for another interpretation of the rig file.
 
         Returns
         -------
@@ -176,14 +178,14 @@ class Naming(Described):
 
     @property
     def base(self) -> Candidate:
-        """The calibrated plant without further effects."""
+        """The base plant: first of ``candidates``."""
         return self.candidates[0]
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the residuals of each candidate on fitted and held-out data, the base plant first.
+        """Draw the rms residuals of each candidate on fitted and on held-out data, the base plant first.
 
-        If there are many, the candidates with the smallest held-out errors are drawn, and always the best explanation
-        and its alternatives.
+        If there are many candidates, only those with the smallest held-out errors are drawn, but always the best
+        explanation and its alternatives.
 
         Parameters
         ----------

@@ -35,41 +35,40 @@ def name_causes(
 ) -> Naming:
     """Search for the smallest set of effects that explains the recordings.
 
-    1. Each promising effect is added alone to the base plant. Single effects are then added to the other
-       interpretations of the base plant, because another interpretation of the rig file is a smaller change of the
-       model than a further effect. If one effect is adequate, or if no effect removes more than half of the mismatch's
-       power, only interpretations that fit clearly better without effects are tried.
-    2. If no single effect is adequate, further effects are added to the best effect, up to three in all, and the most
-       promising pairs are tried. If no effect improves the best one, further effects are added to the next best.
+    1. Each promising effect is added alone to the base plant. If there are other interpretations of the rig file,
+       single effects are also added to the base plant in these interpretations.
+    2. If no single effect is adequate, further effects are added to the best one, up to three in all, and the most
+       promising pairs are tried. If no second effect improves the fit, the search continues from the next best effect.
     3. If one effect is adequate, a second effect is added only if it explains a part of the mismatch that the first
        does not explain.
-    4. If the search in another interpretation of the rig file fails, it is repeated in the nominal interpretation.
-    5. An effect of a set is removed if another interpretation makes it unnecessary. If nothing explains the mismatch,
-       the best pair is tried in the other interpretations, too.
+    4. If the search in another interpretation of the rig file fails, it is repeated in the interpretation that the file
+       states.
+    5. An effect is removed from a set if another interpretation makes it unnecessary. If nothing explains the mismatch,
+       the best pair is also tried in the other interpretations.
 
-    After each addition, each earlier effect is replaced in turn by other effects, because the best single effect may
-    merely imitate two others.
+    After each addition, other effects are tried in place of each earlier one, because the best single effect may merely
+    imitate two others.
 
     Parameters
     ----------
     problem : DiagnosisProblem
         Effects and recordings.
     base : Candidate
-        The calibrated plant without further effects.
+        The calibrated base plant.
     known : sequence of LinearisedResponse
         Linearised responses of all effects in the base plant.
     alternatives : sequence of Candidate
-        Other interpretations of the base plant.
+        The base plant in other interpretations of the rig file.
     finished : callable, optional
-        Called with the completed share.
+        Called with the completed share, from 0 to 1.
     fitted : callable, optional
-        Called twice for each fit: with the fit and None when the fit is finished, and with the fit and its held-out
-        residuals, ndarray of shape (n,), SI, when these are computed.
+        Called twice for each fit. The first call, after the fit, has the calibration and None as arguments. The second
+        has the calibration and its held-out residuals, ndarray of shape (n,), SI.
 
     Returns
     -------
     Naming
-        Ranking whose first candidate is the base plant in the chosen interpretation.
+        Candidates and the choice among them. The first candidate is the base plant in the chosen interpretation.
     """
     return next(explanations(problem, base, known, alternatives, finished, fitted))
 

@@ -46,17 +46,17 @@ TINY = 1e-300
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearisedResponse:
-    """Linearised change of the base plant's readings by an effect, with given values of all its parameters.
+    """Change of the base plant's readings that an effect causes, per unit of its strength.
 
     Parameters
     ----------
     effect : Effect
-        Effect with the values of all its parameters; its strength is the typical one, or a weaker one if the plant
+        Effect with the values of all its parameters. Its strength is the typical one, or a smaller one if the plant
         cannot be simulated at the typical strength.
     change : ndarray, shape (m,)
-        Change of the fitted readings per unit of strength, SI. The responses of stops and lags are not proportional to
-        their strength. If the typical strength changes the readings by more than the mismatch, a weaker strength is
-        therefore used, which changes them by as much as the mismatch.
+        Change of the readings at the fitted samples, divided by the strength, SI. If the typical strength changes the
+        readings by much more than the mismatch, the change is computed at a smaller strength, because some effects are
+        not proportional to their strength.
     """
 
     effect: Effect
@@ -82,18 +82,18 @@ def linearised_responses(
     fit: Calibration,
     finished: Callable[[int], None] | None = None,
 ) -> tuple[LinearisedResponse, ...]:
-    """Compute how each effect, with several values of its parameters, changes the readings of the base plant.
+    """Compute the linearised response of each effect in the base plant, for several values of its parameters.
 
     Parameters
     ----------
     problem : DiagnosisProblem
-        Fitted data and number of workers.
+        Fitted data and number of worker processes.
     base : Calibration
-        Calibration of the plant without the effects, on the fitted data.
+        Calibration of the base plant on the fitted data.
     effects : sequence of Effect
-        Effects to compute.
+        Effects whose responses are computed.
     fit : Calibration
-        Calibration whose residual is to be explained; effects with an event time or a period take start values from
+        Calibration whose residual is to be explained. Effects with an event time or a period take its start value from
         this residual.
     finished : callable, optional
         Called with the number of finished effects.
@@ -101,8 +101,8 @@ def linearised_responses(
     Returns
     -------
     tuple of LinearisedResponse
-        Responses in the order of `effects`, several for each; values with which the plant cannot be simulated are
-        omitted.
+        Responses in the order of `effects`, several for each effect. Parameter values with which the plant cannot be
+        simulated are omitted.
     """
     jobs = [(base, effect, problem.fitted, fit) for effect in effects]
     found = run_jobs(_of_effect, jobs, workers=problem.jobs, finished=finished)

@@ -57,23 +57,23 @@ def plan_experiment(
 ) -> ExperimentPlan:
     """Compute which effects an input would reveal, at which strength, and which it could not distinguish.
 
-    The computation is to first order about the nominal plant. It includes the refit of the plant's parameters and the
-    plant's model error. An effect counts as found under two conditions: its expected evidence makes it 95 % probable,
-    and the part of its response that the parameters cannot absorb is large enough for `diagnose` to count it as missing
-    physics.
+    The computation is to first order about the nominal plant. It allows for the refit of the plant's parameters and for
+    the plant's model error. An effect counts as detected under two conditions. Its expected evidence must make it 95 %
+    probable. The part of its response that the parameters cannot absorb must be large enough for `diagnose` to count it
+    as missing physics.
 
     Parameters
     ----------
     plant : Plant
         Nominal plant.
     commands : Recording, optional
-        The input; its readings are ignored. Without it, several waveforms are tried, and the one with the least
-        confusion among the effects is chosen.
+        The input; its readings are ignored. By default several waveforms are tried, and the one is chosen with which
+        effects are least likely to be confused with each other.
     effects : sequence of Effect, optional
         Effects that may be missing; by default all that the rig offers. The typical strengths of catalogue effects are
         adapted to the rig, as in `diagnose`. Effects that the rig does not accept are skipped.
     seconds : float, optional
-        Length of the suggested input, s; by default 3000 samples.
+        Length of the input, s, if `commands` is omitted; by default 3000 samples.
     jobs : int
         Number of worker processes; -1 takes all cores.
     seed : int
@@ -88,15 +88,16 @@ def plan_experiment(
     Raises
     ------
     DataError
-        If the commands are no Recording; if no input is given and the rig states no range of its command; if both an
-        input and a length are given; if the length is not 100 to 100,000 samples; if the rig accepts none of the
-        effects; or if the effects cannot be judged because neither the noise nor the motion is known.
+        If `commands` is not a Recording, or if both `commands` and `seconds` are given. Without `commands`, also if the
+        rig states no range of its command, or if the length is not 100 to 100,000 samples. In any case if the rig
+        accepts none of the effects, or if it states no sensor noise and the reading does not respond to the input.
     ModelError
-        If there is no plant, or the seed or the number of processes is unusable.
+        If `plant` is not a Plant, `seed` is not an integer of at least 0, or `jobs` is neither -1 nor an integer of at
+        least 1.
     RigError
-        If one of the given effects is not an `Effect`.
+        If one of `effects` is not an `Effect`.
     SimulationError
-        If the nominal plant cannot follow the input.
+        If the nominal plant cannot be simulated with the input.
     """
     require_plant(plant, "a plan")
     if not isinstance(commands, Recording | None):

@@ -31,20 +31,20 @@ class Foreseen:
     effect, family : str
         Canonical names of the effect and of its family.
     strength : str
-        Name of the parameter that is its strength.
+        Name of the parameter that is the strength of the effect.
     unit : str
         SI unit of the strengths.
     typical : float
         Typical strength, in `unit`.
     change : float
-        Rms change of the readings by the typical strength, in the plan's unit.
+        Rms change of the readings that the effect causes at its typical strength, in the unit `ExperimentPlan.unit`.
     smallest : float or None
-        Smallest strength, in `unit`, at which the effect would be detected; None if no strength within the range of the
-        parameter suffices.
+        Smallest strength, in `unit`, at which the effect would be detected. None if the effect would not be detected at
+        any strength within the range of the parameter.
     smallest_change : float or None
-        Rms change of the readings by the smallest strength, in the plan's unit.
+        Rms change of the readings that the effect causes at the smallest strength, in the unit `ExperimentPlan.unit`.
     alike : tuple of str
-        Effects that could not be distinguished from this effect at its typical strength, the most similar first.
+        Effects from which this effect, at its typical strength, could not be distinguished, the most similar first.
     """
 
     effect: str
@@ -64,7 +64,7 @@ class Foreseen:
 
     @property
     def sentence(self) -> str:
-        """Return, in one sentence, what the experiment would show of the effect."""
+        """The strength at which the effect would be detected, in one sentence."""
         name = self.effect.replace("_", " ")
         if self.smallest is None:
             return f"{name}: not detected at any strength within its range"
@@ -76,7 +76,7 @@ class Foreseen:
 
 @dataclass(frozen=True, kw_only=True)
 class TellingReading(SensorOffer):
-    """A reading that was not recorded, with the pairs of effects that only this reading would distinguish.
+    """Additional reading, with the pairs of effects that could be distinguished only with this reading.
 
     Parameters
     ----------
@@ -87,9 +87,9 @@ class TellingReading(SensorOffer):
     noise_source : str
         Source of the value of `noise`.
     tells : tuple of tuple of str
-        Pairs of effects, at their typical strengths, that this reading distinguishes.
+        Pairs of effects, at their typical strengths, that the rig's own readings do not distinguish, but this one does.
     left : int
-        Number of pairs that remain undistinguished without this reading.
+        Number of pairs of effects that the rig's own readings do not distinguish.
     """
 
     tells: tuple[tuple[str, ...], ...]
@@ -98,29 +98,30 @@ class TellingReading(SensorOffer):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExperimentPlan:
-    """Plan of an experiment: the effects that it would reveal, each with the smallest visible strength.
+    """Plan of an experiment: the effects that it would reveal, each with the smallest strength that is detected.
 
     Parameters
     ----------
     output : str
         Name of the reading.
     unit : str
-        Unit of all changes of the readings.
+        Unit of the changes of the readings, of the noise and of the model error.
     noise, model_error : float
-        Sensor noise and model error of the plant, rms, in the plan's unit.
+        Sensor noise and model error of the plant, rms, in `unit`.
     seconds : float
         Length of the input, s.
     waveform : str
         Description of the input if it is advised; empty if it was given.
     effects : tuple of Foreseen
-        Effects that the rig accepts, sorted by smallest visible strength divided by typical strength, ascending.
+        Effects that the rig accepts. They are sorted by the ratio of the smallest strength that is detected to the
+        typical strength, the smallest ratio first.
     impossible : tuple of str
         Effects with which the plant could not be simulated.
     tried : mapping of str to float
-        Probability of confusing an effect with its nearest alternative, averaged over the effects, for each waveform
-        tried; empty if the input was given.
+        For each waveform that was tried, the probability that an effect is confused with the most similar other effect,
+        averaged over the effects. Empty if the input was given.
     readings : tuple of TellingReading
-        Further readings that the rig could have, the most informative first.
+        Additional readings that the rig could have, the most informative first.
     recording : Recording
         The input, with the readings of the nominal plant.
     """
@@ -172,7 +173,7 @@ class ExperimentPlan:
         return {"schema": SCHEMA, "sentence": self.sentence, **plain(self), "effects": rows}
 
     def save_input(self, path: Path | str) -> None:
-        """Write the input as a CSV file, ``time_s,command_V``, that `deatwin simulate` and a drive can take.
+        """Write the input as a CSV file with columns such as ``time_s,command_V``, for `deatwin simulate` or a drive.
 
         Parameters
         ----------
@@ -182,7 +183,7 @@ class ExperimentPlan:
         write_input(path, self.recording)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw, for each effect, the smallest change of the readings that would be detected beside its typical change.
+        """Draw ``smallest_change`` and ``change`` of each effect, that is, at its smallest and its typical strength.
 
         Parameters
         ----------

@@ -67,28 +67,33 @@ def by_experiment(checked: DataQuality, arrays: Sequence[np.ndarray]) -> tuple[t
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DataQuality(Described):
-    """Recordings with their faulty samples marked and their noise estimated.
+    """Recordings with marks for faulty samples and for other samples that the diagnosis reports.
+
+    The marks of one kind are a tuple with one entry for each experiment. This entry is a tuple with one array of bool
+    for each recording, of shape (n_samples,), which is True at the marked samples.
 
     Parameters
     ----------
     experiments : tuple of Experiment
         Experiments as given.
     stuck, outliers : tuple of tuple of ndarray of bool
-        Faulty samples, for each experiment and record.
-    clipped, jumps : tuple of tuple of ndarray of bool
-        Samples at a limit of the reading, and first samples after the reading jumped while the command did not. These
-        samples are reported but kept, because effects of the catalogue explain them.
+        Faulty samples of the first reading: those at which it is stuck, and outliers. They are left out.
+    clipped : tuple of tuple of ndarray of bool
+        Samples at which the first reading stays at a limit. They are kept, because an effect may explain them.
+    jumps : tuple of tuple of ndarray of bool
+        First samples after a jump of the first reading without a jump of the command. They are kept, because an effect
+        may explain them.
     bursts : mapping of str to tuple of tuple of ndarray of bool
-        Samples at which a reading is much noisier than elsewhere, by the name of the reading, which is empty for the
-        first reading. These samples are reported and left out.
+        Samples at which a reading is much noisier than elsewhere, which are left out. The key is the name of the
+        reading, and empty for the first reading.
     stuck_further : mapping of str to tuple of tuple of ndarray of bool
-        Samples at which a further reading is stuck, by the name of the reading. These samples are reported and left out
-        of this reading.
+        Samples at which a reading other than the first is stuck. They are left out of this reading. The key is its
+        name.
     settled : tuple of tuple of ndarray of bool
-        Samples at which the influence of an unknown start has decayed. Earlier samples are reported and left out.
+        Samples at which the influence of an unknown initial state has decayed. All other samples are left out.
     unknown : tuple of tuple of ndarray of bool
-        Samples at which readings depend on the unknown time of a command change within a gap; empty if there are none.
-        These samples are reported and left out, in all readings.
+        Samples after a gap in a recording, as long as they depend on when the command changed during the gap. They are
+        left out. Empty if there are none.
     """
 
     experiments: tuple[Experiment, ...]
@@ -118,13 +123,15 @@ class DataQuality(Described):
 
     @property
     def sound(self) -> Masks:
-        """Samples without a fault, for each experiment and record."""
+        """Marks of the samples that are neither stuck nor outliers."""
         return tuple(tuple(~mask for mask in masks) for masks in marked_in_any(self.stuck, self.outliers))
 
     @property
     def usable(self) -> Masks:
-        """Sound samples that are not left out; all samples if the sensor is dead throughout, because a fit needs
-        some."""
+        """Marks of the samples of the first reading that are not left out.
+
+        If more than 90 % of the samples are faulty, the marks are those of ``settled``, because a fit needs samples.
+        """
         everything = [mask for masks in self.sound for mask in masks]
         if sum(int(m.sum()) for m in everything) >= FEWEST_SOUND * sum(m.size for m in everything):
             return tuple(
@@ -157,7 +164,7 @@ class DataQuality(Described):
         return tuple(tuple(~mask for mask in masks) for masks in self.settled)
 
     def known(self, name: str) -> Masks:
-        """Return the samples of a further reading that count, for each experiment and record.
+        """Return marks of the samples that are not left out, for a reading other than the first.
 
         Parameters
         ----------
@@ -177,14 +184,14 @@ class DataQuality(Described):
 
     @property
     def soundness(self) -> Soundness:
-        """Return ``FAULTY`` if more than ten samples, and more than 0.1 % of all samples, are stuck or outliers."""
+        """``FAULTY`` if more than ten samples, and more than 0.1 % of all samples, are stuck or outliers."""
         masks = [mask for masks in self.sound for mask in masks]
         bad, total = sum(int((~m).sum()) for m in masks), sum(m.size for m in masks)
         return Soundness.FAULTY if bad > max(FEWEST_FAULTY, FAULTY_SHARE * total) else Soundness.SOUND
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """Return the faults and where they are."""
+        """Descriptions of the faults, with their times."""
         return (
             *self._described(self.stuck, "the reading is stuck in"),
             *self._described(self.outliers, "the reading has outliers in"),
@@ -192,7 +199,7 @@ class DataQuality(Described):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Return remarks on features that are not faults: limits, jumps, coarse steps, gaps."""
+        """Remarks on other features: values at a limit, jumps, coarse steps, samples that are left out, and gaps."""
         found = [
             *self._described(self.clipped, "the reading stays at its limit in"),
             *self._described(self.jumps, "the reading jumps in"),
@@ -232,7 +239,7 @@ class DataQuality(Described):
         return found
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the readings with the marked samples, one experiment after another.
+        """Draw the first reading with the marked samples, one experiment after another.
 
         Parameters
         ----------
@@ -273,27 +280,28 @@ class DataQuality(Described):
 
 
 def check_quality(plant: Plant, experiments: Experiment | Recording | Sequence[Experiment | Recording]) -> DataQuality:
-    """Check recordings, mark faulty samples, and estimate the noise.
+    """Check recordings and mark faulty samples.
 
     Parameters
     ----------
     plant : Plant
         Plant to which the recordings belong.
     experiments : Experiment or Recording, or a sequence of such
-        Experiments and single recordings, each from rest.
+        Experiments and single recordings, each of which starts from rest.
 
     Returns
     -------
     DataQuality
-        Checked recordings; outliers and jumps are suspects until `confirm` compares them with a calibrated plant.
+        Recordings with their faulty samples marked. Outliers and jumps are provisional until `confirm` has compared
+        them with a calibrated plant.
 
     Raises
     ------
     DataError
-        If there is nothing to diagnose: no recording, no output, a constant input, or an argument that is neither an
-        experiment nor a recording; or if the plant cannot take the command.
+        If there is no recording, or one of `experiments` is neither an Experiment nor a Recording. Also if a recording
+        has no output, the input is constant, or the recording does not suit the rig of the plant.
     ModelError
-        If there is no plant, or there are too few samples for its parameters.
+        If `plant` is not a Plant, or there are too few samples for its parameters.
     """
     require_plant(plant, "a diagnosis")
     given = tuple(experiment_for(plant.rig, one) for one in _listed(experiments))
@@ -345,14 +353,16 @@ def _listed(
 
 
 def confirm(checked: DataQuality, readings: Sequence[Sequence[np.ndarray]]) -> DataQuality:
-    """Keep only outliers and jumps that also appear in the residual, because fast motion of the plant is not a fault.
+    """Keep only those outliers and jumps that also appear in the residual of a calibrated plant.
+
+    All others are fast motion of the plant.
 
     Parameters
     ----------
     checked : DataQuality
-        Checked recordings with suspected faults.
+        Recordings as `check_quality` returned them.
     readings : sequence of sequence of ndarray, each of shape (n,)
-        Readings of the calibrated plant, for each experiment and record, SI.
+        Simulated readings of the calibrated plant, for each experiment and each of its recordings, SI.
 
     Returns
     -------

@@ -53,14 +53,14 @@ sheets."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Base(Described):
-    """Calibrated base plant, in the chosen interpretation of the rig file and in the other interpretations.
+    """Calibrated base plant, in the chosen interpretation of the rig file and in other interpretations.
 
     Parameters
     ----------
     chosen : Candidate
-        Interpretation of the rig file with which the diagnosis continues.
+        Base plant in the interpretation with which the diagnosis continues.
     alternatives : tuple of Candidate
-        The other interpretations, the best first.
+        Base plant in the other interpretations, the best first.
     noise : float
         Standard deviation of the sensor noise, SI.
     """
@@ -74,12 +74,12 @@ class Base(Described):
     }
 
     def in_variant_of(self, chosen: Candidate) -> Base:
-        """Return the same interpretations with another one chosen.
+        """Return the same base plants, of which another one is chosen.
 
         Parameters
         ----------
         chosen : Candidate
-            One of these interpretations, newly judged.
+            Base plant in one of the interpretations. It replaces the one in the same interpretation.
 
         Returns
         -------
@@ -90,12 +90,12 @@ class Base(Described):
         return Base(chosen=chosen, alternatives=others, noise=chosen.noise)
 
     def as_filed(self, rig: Rig) -> Base:
-        """Return the same interpretations; that of the rig file is chosen if it could be simulated.
+        """Return the same base plants, of which the one with the given rig is chosen if it could be simulated.
 
         Parameters
         ----------
         rig : Rig
-            Rig that the file describes.
+            Rig as the file states it.
 
         Returns
         -------
@@ -105,12 +105,12 @@ class Base(Described):
         return self.in_variant_of(filed[0]) if filed else self
 
     def with_stages(self, count: int) -> Base:
-        """Return the same interpretations, to be simulated from now on with another number of stages.
+        """Return the same base plants, simulated with another number of stages.
 
         Parameters
         ----------
         count : int
-            Number of stages.
+            Number of stages of the integration method (`Plant.stages`).
 
         Returns
         -------
@@ -120,7 +120,7 @@ class Base(Described):
         return replace(self, chosen=chosen, alternatives=tuple(alternatives))
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the residuals of each interpretation on fitted and held-out data, the chosen one first.
+        """Draw the rms residuals in each interpretation, on fitted and on held-out data, the chosen one first.
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ class Base(Described):
 
 
 def calibrate_base(problem: DiagnosisProblem) -> Base:
-    """Calibrate the base plant for every possible interpretation of the rig file.
+    """Calibrate the base plant, if necessary in every possible interpretation of the rig file.
 
     Parameters
     ----------
@@ -145,9 +145,9 @@ def calibrate_base(problem: DiagnosisProblem) -> Base:
     Returns
     -------
     Base
-        The nominal interpretation or, if it leaves a mismatch, the first alternative that leaves none. An alternative
-        that merely fits better does not replace the nominal interpretation, because a wrong rig must not explain away a
-        missing effect.
+        The base plant. The chosen interpretation is the nominal one, unless it leaves a mismatch and another one leaves
+        none. An interpretation that merely fits better is not chosen, because a wrong rig could then replace a missing
+        effect.
 
     Raises
     ------

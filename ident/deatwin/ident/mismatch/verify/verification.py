@@ -31,38 +31,39 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Verification(Described):
-    """Results of the tests of an explanation on held-out data; SI.
+    """Results of the tests of an explanation by `verify`. Residuals are in SI units.
 
     Parameters
     ----------
     fitted_before, fitted_after : float
-        Rms residuals on fitted data.
+        Rms residuals on fitted data, without and with the explanation.
     unseen_before, unseen_after : float
-        Rms residuals of the free run on held-out data.
+        Rms residuals on held-out data, without and with the explanation.
     gain_low : float
         Lower 95 % bound of the decrease of the rms residual on held-out data.
     counts : bool
-        True if the explanation is accepted even without a positive `gain_low`: over all data the error certainly
-        decreases, and on held-out data the mean square error decreases by more than the square of the model error and
-        by more than half of its excess over noise.
+        True if the explanation is accepted even if `gain_low` is not positive. The mean square residual must then
+        decrease significantly over all data. On held-out data, it must decrease by more than the square of the model
+        error, and by more than half of its excess over the noise variance.
     ablations : tuple of Ablation
-        For each effect, the result when this effect is removed and the rest is refitted.
+        For each effect, the result when this effect is removed and all other parameters are refitted.
     shams : tuple of Placebo
         Results with placebo effects, one for each kind of placebo and each effect.
     transfers : tuple of Transfer
-        Residuals without and with the explanation on each record, if there are several, and on blocks with small,
-        medium and large commands.
+        Residuals without and with the explanation on parts of the held-out data: on each recording, if there are
+        several, and on blocks with small, medium and large commands.
     constancies : tuple of Constancy
         For each effect that is not an event, the change of its strength from the beginning to the end of the fitted
-        data.
+        data, in a fit that lets the strength vary.
     noise : float
         Sensor noise, rms.
     output_unit : str
         SI unit of the reading.
     whole : Calibration or None
-        Amended plant calibrated on all data, if a test needed it.
+        The plant with the explanation, calibrated on all data. None if this was not needed.
     one_clock : tuple of str
-        Names of two effects with the same time course, which may be one mechanism outside the catalogue.
+        Names of two effects with the same time constant, which may be a single effect of another kind. Empty if there
+        are none.
     """
 
     fitted_before: float
@@ -107,12 +108,12 @@ class Verification(Described):
 
     @property
     def holds(self) -> bool:
-        """Return whether all tests are passed; see `doubted` for an explanation that is reported nevertheless."""
+        """True if all tests are passed. The explanation may still be reported if not; see ``doubted``."""
         return not self.failures
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Return the failed tests, each in a clause."""
+        """Descriptions of the failed tests, as clauses."""
         falls = self.gain_low > 0.0 or self.counts  # as for `Ablation.returns`
         found = [] if falls else ["it is not certain that the explanation lowers the error on held-out data"]
         found += [
@@ -145,16 +146,17 @@ class Verification(Described):
 
     @property
     def doubted(self) -> tuple[str, ...]:
-        """Effects of a set that others can replace: removing one does not certainly raise the error on held-out data.
+        """Effects whose removal does not significantly raise the error.
 
-        If all other tests are passed, the explanation is reported together with the one without that effect.
+        Empty if another test failed, too, or if this holds for all effects. Otherwise the explanation is reported
+        together with the one without the doubted effect.
         """
         spared = tuple(a.effect for a in self.ablations if not a.returns)
         return spared if len(self.failures) == len(spared) < len(self.ablations) else ()
 
     @property
     def summary(self) -> VerificationSummary:
-        """Summarise the tests for a diagnosis; amplitudes in the reported unit."""
+        """Summarise the tests for a diagnosis, with amplitudes in the unit of `Diagnosis.output`."""
         size = amplitude_unit(self.output_unit)[1]
         return VerificationSummary(
             holds=self.holds,
@@ -191,8 +193,10 @@ class Verification(Described):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the error on held-out data: before and after for each record, without each effect, and with placebo
-        effects.
+        """Draw the error on held-out data without and with the explanation.
+
+        The first row is for all held-out data. Further rows show the error on parts of these data, without each effect,
+        and with placebo effects.
 
         Parameters
         ----------

@@ -36,19 +36,22 @@ def verify(
     problem: DiagnosisProblem | None = None,
     tried: Sequence[Candidate] = (),
 ) -> Verification:
-    """Test a candidate on the held-out data by ablation, placebo effects, transfer and constancy.
+    """Test an explanation, mainly on held-out data.
+
+    Ablation: the error must rise if one effect is removed and the others are refitted. Placebo effects: a copy of an
+    effect with wrong physics must not fit as well as the effect. Transfer: the error must not rise in any recording, or
+    at small, medium or large commands. Constancy: the strength of an effect must not change with time.
 
     Parameters
     ----------
     base, amended : Candidate
-        Base plant and explanation, judged on the same samples.
+        Base plant, and the plant with the explanation; both have the same fitted and held-out samples.
     rng : numpy.random.Generator
         Random generator for the paired block bootstrap and for random phases.
     problem : DiagnosisProblem, optional
-        Recordings; without them, transfer and placebo effects are not tested.
+        Diagnosis problem with the recordings. Without it, placebo effects, transfer and constancy are not tested.
     tried : sequence of Candidate
-        Candidates that were already fitted. An explanation without one of its effects is taken from these if possible,
-        and otherwise fitted.
+        Candidates that were already fitted. The ablation uses them where possible, and refits otherwise.
 
     Returns
     -------

@@ -33,7 +33,7 @@ class LinearIdentifier(Identifier):
     model_ : LinearModel
         Fitted model, in physical units.
     status_ : FitStatus
-        Outcome of the search; ``NOT_CONVERGED`` if the gradient is not small at its end.
+        Outcome of the fit; ``NOT_CONVERGED`` if the gradient is not small at the end of the search.
     """
 
     model_: LinearModel
@@ -111,11 +111,12 @@ class Arx(LinearIdentifier):
     na : int
         Order of A.
     nb : int or sequence of int
-        Number of coefficients of each B.
+        Number of coefficients of each B_i; a single number applies to all inputs.
     nk : int or sequence of int
-        Delay of each input in samples: the lag of the first coefficient of B.
+        Delay of each input in samples, which is the lag of the first coefficient of B_i.
     offset : bool
-        True to estimate a constant too; without it, signals should be deviations from an operating point.
+        True to estimate the offset. If False, the offset is 0, and the signals should be deviations from an operating
+        point.
 
     Attributes
     ----------
@@ -141,22 +142,22 @@ class Arx(LinearIdentifier):
 class Armax(LinearIdentifier):
     """Estimator of ARMAX models A y(k) = sum_i B_i u_i(k) + C e(k) + offset, by prediction-error minimisation.
 
-    The polynomials A, B_i and C are those of `LinearModel`, and e is white noise. The search (Gauss-Newton in a trust
-    region, exact gradients) is run from two starts: the regression on the errors of a long ARX model, and the ARX model
-    with C = 1. The result with the smaller error is kept.
+    The polynomials A, B_i and C are those of `LinearModel`, and e is white noise. The search uses Gauss-Newton steps in
+    a trust region, with exact gradients. It is run from two starting points: a regression on the errors of a long ARX
+    model, and the ARX model with C = 1. The result with the smaller error is kept.
 
     Parameters
     ----------
     na : int
         Order of A.
     nb : int or sequence of int
-        Number of coefficients of each B.
+        Number of coefficients of each B_i; a single number applies to all inputs.
     nc : int
         Order of C.
     nk : int or sequence of int
         Delay of each input in samples.
     offset : bool
-        True to estimate a constant too.
+        True to estimate the offset; if False, the offset is 0.
 
     References
     ----------
@@ -174,21 +175,22 @@ class Armax(LinearIdentifier):
 class OutputError(LinearIdentifier):
     """Estimator of output-error models y(k) = sum_i (B_i/F_i) u_i(k) + e(k) + offset, by prediction errors.
 
-    The polynomials B_i and F_i are those of `LinearModel`, and e is white noise. The search is run from two starts: an
-    ARX model, and a long ARX model reduced by the method of Steiglitz and McBride. The result with the smaller error is
-    kept. The state at the start of each recording is estimated too. If the noise is not white the plant estimate is
-    still unbiased, but its covariance is wrong: see `BoxJenkins`.
+    The polynomials B_i and F_i are those of `LinearModel`, and e is white noise. The search is run from two starting
+    points: an ARX model, and a long ARX model reduced by the method of Steiglitz and McBride. The result with the
+    smaller error is kept. The initial state of each recording is estimated, too.
+
+    If the noise is not white, B_i and F_i are still unbiased, but their covariance is wrong. `BoxJenkins` avoids this.
 
     Parameters
     ----------
     nb : int or sequence of int
-        Number of coefficients of each B.
+        Number of coefficients of each B_i; a single number applies to all inputs.
     nf : int or sequence of int
-        Order of each F.
+        Order of each F_i; a single number applies to all inputs.
     nk : int or sequence of int
         Delay of each input in samples.
     offset : bool
-        True to estimate a constant too.
+        True to estimate the offset; if False, the offset is 0.
 
     References
     ----------
@@ -205,23 +207,24 @@ class OutputError(LinearIdentifier):
 class BoxJenkins(LinearIdentifier):
     """Estimator of Box-Jenkins models y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset, by prediction errors.
 
-    The polynomials B_i, F_i, C and D are those of `LinearModel`, and e is white noise. The search has the two starts of
-    `OutputError`, with C and D estimated from the residual of the output-error model.
+    The polynomials B_i, F_i, C and D are those of `LinearModel`, and e is white noise. The search is run from the two
+    starting points of `OutputError`. At each of them, C and D are first estimated from the residual. The result with
+    the smaller error is kept.
 
     Parameters
     ----------
     nb : int or sequence of int
-        Number of coefficients of each B.
+        Number of coefficients of each B_i; a single number applies to all inputs.
     nc : int
         Order of C.
     nd : int
         Order of D.
     nf : int or sequence of int
-        Order of each F.
+        Order of each F_i; a single number applies to all inputs.
     nk : int or sequence of int
         Delay of each input in samples.
     offset : bool
-        True to estimate a constant too.
+        True to estimate the offset; if False, the offset is 0.
 
     References
     ----------

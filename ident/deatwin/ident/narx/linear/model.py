@@ -90,35 +90,36 @@ def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
 class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fields_of):
     """Linear model with one output, A y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset.
 
-    Polynomials are in the backward shift q^-1, starting with q^0. ARX has C = D = F = 1, ARMAX D = F = 1, output error
-    A = C = D = 1, Box-Jenkins A = 1.
+    A, B_i, C, D and F_i are polynomials in the backward shift q^-1; e is white noise. An ARX model has C = D = F_i = 1,
+    an ARMAX model D = F_i = 1, an output-error model A = C = D = 1, and a Box-Jenkins model A = 1.
 
     Parameters
     ----------
     a, c, d : array_like, shape (order + 1,)
-        Coefficients of A, C and D; the first is 1.
+        Coefficients of A, C and D for the powers q^0, q^-1, ...; the first is 1.
     b : sequence of array_like
-        Coefficients of B_i for each input, in the output's unit per input unit; leading zeros represent the delay.
+        Coefficients of B_i for each input, in the output's unit per input unit. Leading zeros represent the delay.
     f : sequence of array_like, optional
-        Coefficients of F_i for each input, the first being 1; defaults to F_i = 1.
+        Coefficients of F_i for each input, of which the first is 1. By default all F_i are 1.
     offset : float
-        Constant on the right side, in the output's unit.
+        Constant on the right side of the equation, in the output's unit.
     theta_cov : ndarray, shape (n_theta, n_theta), optional
-        Covariance of ``theta``; zero if omitted. It is valid if the residuals are white: a model with too simple a
-        noise part is more uncertain than this covariance states.
+        Covariance of the free coefficients (``theta``); zero if omitted. It is valid only if the residuals are white.
     noise_variance : float
         Variance of e(k), square of the output's unit.
     sample_time : float
-        Sampling interval in s.
+        Sample time, s.
     input_names, output_names, input_units, output_units : tuple of str
         Names and units of the signals.
     provenance : mapping of str to str
-        Origin of the model, as free entries.
+        Origin of the model, in entries of any kind.
 
     Raises
     ------
     ModelError
-        If shapes or values are inconsistent.
+        If the numbers of polynomials, names and units do not agree, `theta_cov` has the wrong shape, or a value is not
+        allowed: A, C, D or F_i does not begin with 1, B_i is zero, `sample_time` is not positive, or a number is not
+        finite.
 
     Examples
     --------
@@ -197,12 +198,12 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
 
     @property
     def theta(self) -> Array:
-        """The free coefficients in the order a, b_1, b_2, ..., f_1, f_2, ..., c, d, offset; shape (n_theta,)."""
+        """The free coefficients, shape (n_theta,), in the order a, b_1, b_2, ..., f_1, f_2, ..., c, d, offset."""
         return self.orders.join(self.polynomials)
 
     @property
     def poles(self) -> NDArray[np.complex128]:
-        """Roots of A and of each F: the poles from the inputs to the output, shape (n_states,)."""
+        """Poles from the inputs to the output: the roots of A and of all F_i, shape (n_poles,)."""
         return np.concatenate([np.roots(p).astype(np.complex128) for p in (self.a, *self.f)])
 
     def __str__(self) -> str:
@@ -213,9 +214,10 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         return "\n".join([*lines, f"offset = {self.offset:.6g}"])
 
     def predict(self, recording: Recording) -> NarxResponse:
-        """Predict each sample from the measurements before it.
+        """Predict each output sample from the measurements before it.
 
-        If F has states, the first ten samples per state determine the initial state and do not count as predicted.
+        The initial states of the 1/F_i are estimated from the first samples: ten samples for each state, or a third of
+        the recording if this is less. These samples do not count as predicted.
 
         Parameters
         ----------
@@ -230,7 +232,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         Raises
         ------
         ModelError
-            If the recording does not suit the model, or C or an F is unstable.
+            If the recording does not suit the model, or a root of C or of an F_i is not inside the unit circle.
         """
         self._require(recording)
         if not all(is_stable(p) for p in (self.c, *self.f)):
@@ -245,30 +247,30 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         return response_over(recording, outputs[None], output.size - errors.size, self.output_units)
 
     def simulate(self, recording: Recording, *, warmup: int | None = None) -> NarxResponse:
-        """Simulate the deterministic part from its inputs alone (free run).
+        """Simulate the output from the inputs and an initial state, without noise (free run).
 
-        The initial state is fitted to the first ``warmup`` measured outputs by least squares. Later outputs are not
-        used, and the warm-up samples do not count as computed.
+        The initial state is fitted to the first `warmup` measured outputs by least squares. Later outputs are not used.
 
         Parameters
         ----------
         recording : Recording
-            Inputs and the outputs that start the run, in the model's units.
+            Inputs, and the outputs that determine the initial state, in the model's units.
         warmup : int, optional
-            Number of recorded samples that determine the initial state, at least the number of poles. Defaults to ten
-            per pole, or a third of the recording if that is less. With one sample per pole the run starts exactly from
-            those outputs, noise included, as the run of a NARX model does.
+            Number of samples that determine the initial state, at least the number of poles. By default ten for each
+            pole, or a third of the recording if this is less. With one sample for each pole, the run starts exactly
+            from the measured outputs, including their noise, as that of a NARX model does.
 
         Returns
         -------
         NarxResponse
-            Response with ``.outputs`` of shape (1, n), computed from ``.first`` on. If the run diverges, ``.status``
-            says so.
+            Response with ``.outputs`` of shape (1, n), which are computed from ``.first`` on, after the samples that
+            determine the initial state. If the run diverges, ``.status`` is ``DIVERGED``.
 
         Raises
         ------
         ModelError
-            If the recording does not suit the model, or is too short for the warm-up.
+            If the recording does not suit the model, or `warmup` does not lie between the number of poles and the
+            number of samples.
         """
         self._require(recording)
         lag, poles, output = self.orders.input_lag, self.poles.size, recording.outputs[0]

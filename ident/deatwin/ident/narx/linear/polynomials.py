@@ -17,16 +17,20 @@ _LARGEST = 0.9999  # magnitude up to which a root counts as inside the unit circ
 
 
 class Polynomials(NamedTuple):
-    """Coefficients of powers of the backward shift q^-1, starting with q^0; A, C, D and F begin with 1.
+    """Polynomials of a `LinearModel`, A y = sum_i (B_i/F_i) u_i + (C/D) e + offset, as arrays of coefficients.
+
+    The coefficients belong to the powers q^0, q^-1, ... of the backward shift.
 
     Parameters
     ----------
     a, c, d : ndarray, shape (order + 1,)
-        Polynomials A, C and D.
-    b, f : tuple of ndarray
-        Polynomials B_i and F_i, one for each input; b begins with a zero for each sample of delay.
+        Coefficients of A, C and D; the first is 1.
+    b : tuple of ndarray
+        Coefficients of B_i for each input; one leading zero for each sample of delay.
+    f : tuple of ndarray
+        Coefficients of F_i for each input; the first is 1.
     offset : float
-        Constant on the right side, in the output's unit.
+        Constant on the right side of the equation, in the output's unit.
     """
 
     a: Array
@@ -37,7 +41,7 @@ class Polynomials(NamedTuple):
     offset: float
 
     def require(self) -> None:
-        """Raise ModelError unless A, C, D and each F begin with 1, each B has a coefficient, and all are finite."""
+        """Raise ModelError unless A, C, D and all F_i begin with 1, no B_i is zero, and all coefficients are finite."""
         monic = {"a": self.a, "c": self.c, "d": self.d} | {f"f[{i}]": f for i, f in enumerate(self.f)}
         for name, polynomial in monic.items():
             if polynomial.ndim != 1 or polynomial.size == 0 or polynomial[0] != 1.0:
@@ -50,11 +54,11 @@ class Polynomials(NamedTuple):
 
     @property
     def longest(self) -> int:
-        """Coefficients of the longest polynomial."""
+        """Number of coefficients of the longest polynomial."""
         return max(p.size for p in (self.a, self.c, self.d, *self.b, *self.f))
 
     def by_power(self) -> Variables:
-        """Return all polynomials with coefficients for the same powers."""
+        """Return all polynomials as arrays of the same length, padded with zeros."""
 
         def whole(polynomial: Array) -> Array:
             return np.pad(polynomial, (0, self.longest - polynomial.size))
@@ -67,7 +71,10 @@ class Polynomials(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Orders:
-    """Orders and delays of a `LinearModel`, and the sequence of its parameters: a, b_i, f_i, c, d, offset.
+    """Orders and delays of a `LinearModel`, A y = sum_i (B_i/F_i) u_i + (C/D) e + offset.
+
+    The parameter vector of the model contains the free coefficients of A, of all B_i, of all F_i, of C and of D, and
+    then the offset.
 
     Parameters
     ----------
@@ -89,7 +96,7 @@ class Orders:
 
     @classmethod
     def of(cls, polynomials: Polynomials) -> Orders:
-        """Return the orders of `polynomials`, none of whose b is zero; leading zeros of b are delay."""
+        """Return the orders of `polynomials`. Leading zeros of B_i are its delay; no B_i may be zero."""
         delays = tuple(int(np.flatnonzero(b)[0]) for b in polynomials.b)
         return cls(
             na=polynomials.a.size - 1,
@@ -113,7 +120,7 @@ class Orders:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Lengths of the parts a, b_i, f_i, c, d, offset of the parameter vector."""
+        """Numbers of parameters of A, of each B_i, of each F_i, of C, of D, and of the offset."""
         return (self.na, *self.nb, *self.nf, self.nc, self.nd, int(self.offset))
 
     @property
@@ -143,14 +150,14 @@ class Orders:
         return np.concatenate([p.a[1:], *b, *(f[1:] for f in p.f), p.c[1:], p.d[1:], tail])
 
     def scales(self, input_scales: Array, output_scale: float) -> Array:
-        """Return the factors from parameters of scaled signals to parameters in physical units.
+        """Return the factors that convert parameters for scaled signals to physical units.
 
         Parameters
         ----------
         input_scales : ndarray, shape (n_inputs,)
-            Divisors of the inputs, in their units.
+            Values by which the inputs were divided, in their units.
         output_scale : float
-            Divisor of the output, in its unit.
+            Value by which the output was divided, in its unit.
 
         Returns
         -------
