@@ -151,7 +151,7 @@ class Laser(Part):
         Standard deviation of the noise, m. Prefer a value measured on the rig: a data sheet states the repeatability
         after long averaging, which sampling at 50 Hz does not allow.
     resolution : float
-        Quantisation step of the digital value, m.
+        Quantisation step of the displacement that the sensor computes and outputs as a voltage, m.
     linearity : float
         Largest deviation from a straight line, as a share of the whole range (twice the reach). Over a motion of a
         millimetre, this deviation is not noise but a gain error and a slight curvature.

@@ -66,7 +66,7 @@ class Limit:
         return Verdict.MARGINAL if sign * value >= sign * self.poor else Verdict.FAIL
 
     def room(self, value: float) -> float:
-        """Return the distance from `good` to a value, as a share of the distance to the best possible value.
+        """Return the distance from `good` to a value, divided by that from `good` to the best possible value.
 
         Parameters
         ----------

@@ -33,8 +33,8 @@ class Finding:
     text : str
         Finding as one plain sentence.
     room : float or None
-        Distance from the limit to the value, as a share of the distance to the best possible value (`Limit.room`). None
-        if the quantity was not judged by a limit.
+        Distance from the limit to the value, divided by the distance from the limit to the best possible value
+        (`Limit.room`). None if the quantity was not judged by a limit.
     """
 
     subject: str

@@ -168,8 +168,8 @@ def lambda_tuning_pid(
     ModelError
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
-        If an argument is invalid, if the model responds to a command in the same sample or has no such second lag, or
-        if the loop would be unstable.
+        If an argument is invalid, if the model responds to a command in the same sample, if :math:`T_2` is shorter than
+        one sampling time, or if the closed loop would be unstable.
 
     References
     ----------

@@ -51,8 +51,8 @@ def gfrf(
     omega : array_like, shape (n_values,) for order 1, else (n_values, order)
         Angular frequencies, rad/s, each between minus and plus half the sampling rate; see `frequency_grid`.
     inputs : sequence of str, length n, optional
-        Input on which each exponential acts, such as ``["u1", "u2"]``, or by the model's own names. Required if the
-        model has several inputs.
+        Input on which each exponential acts: its number, such as ``["u1", "u2"]``, or its name in the model. Required
+        if the model has several inputs.
     operating_input : float, or array_like of shape (n_inputs,), optional
         Constant input about which the model is expanded, in its unit. By default the mean of the training inputs, or 0
         if the model has no training data.

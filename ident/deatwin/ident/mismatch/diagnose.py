@@ -54,7 +54,7 @@ def diagnose(
     progress: Progress | None = None,
     through: Callable[[Step], None] | None = None,
 ) -> Diagnosis:
-    """Find the physics that a plant lacks to explain recordings.
+    """Find the effects that are missing from a plant and explain its mismatch with recordings.
 
     Parameters
     ----------

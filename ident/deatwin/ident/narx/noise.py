@@ -36,11 +36,11 @@ class Narmax(NarxIdentifier):
     this choice, e is first estimated as the residual of a model with many more lags than the process model.
 
     The parameters of all terms are then estimated together, by the smallest sum of squared prediction errors. If the
-    noise terms are chosen, choice and estimation are repeated once with the resulting e. If the noise is coloured, this
-    removes the bias of the process parameters and corrects their confidence intervals.
+    noise terms are chosen, choice and estimation are repeated once with the resulting e. If the noise is coloured, the
+    noise model removes the bias of the process parameters and corrects their confidence intervals.
 
     If white noise is added to the readings of a plant ``A(q) y = f(u)``, the noise model has the coefficients of A. The
-    noise terms e(k-1) to e(k-n) then belong to the process terms y(k-1) to y(k-n).
+    noise terms e(k-1) to e(k-n) then correspond to the process terms y(k-1) to y(k-n).
 
     Parameters
     ----------

@@ -55,7 +55,8 @@ class ThetaTrajectory(
         Variance of the change of each parameter in one sample interval, in the parameter's squared unit; 0 if the
         estimator does not model the drift as a random walk.
     log_likelihood : float or None
-        Log-likelihood of the outputs for these variances; None if the estimator does not compute the log-likelihood.
+        Log-likelihood of the outputs for `drift_variance` and the noise variance of `model`; None if the estimator does
+        not compute the log-likelihood.
 
     Raises
     ------

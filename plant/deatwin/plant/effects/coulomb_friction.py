@@ -30,10 +30,10 @@ class CoulombFriction(Effect):
     from which a fit can reach firm sticking as well as fast creep.
 
     Signature, if the motion is much faster than :math:`v_s`: after each reversal, the ball rests until the driving
-    force has changed by :math:`2F_c`. The loop has the width :math:`2F_c/k` at any rate, and at any amplitude above
-    this width. In slower motion the friction acts as a damper with the constant :math:`F_c/v_s`, and the ball does not
-    rest. `hysteresis` instead resists motions smaller than its `distance` elastically, with hardly a loop. The effect
-    is off at :math:`F_c = 0`.
+    force has changed by :math:`2F_c`. The loop of reading over command has the height :math:`2F_c/k` at any rate, and
+    at any amplitude above this height. In slower motion the friction acts as a damper with the constant
+    :math:`F_c/v_s`, and the ball does not rest. `hysteresis` instead resists motions smaller than its `distance`
+    elastically, with hardly a loop. The effect is off at :math:`F_c = 0`.
 
     Parameters
     ----------

@@ -28,11 +28,11 @@ class Hysteresis(Effect):
     a slower ball, the force can reach :math:`2v_0/v` times :math:`F_h`. After a reversal, the slope of the force
     over the displacement is :math:`1 + (2\beta - 1)|\zeta|` times the slope at :math:`\zeta = 0`. With :math:`\beta` =
     0.5 the force therefore returns to zero along a straight line; with :math:`\beta` = 1 the slope at :math:`F_h` is
-    twice the slope at zero. Typical: a force of 1 to 5 % of the ball's weight, a distance of 10 to 100 µm.
+    twice the slope at zero. Typical: :math:`F_h` of 1 to 5 % of the ball's weight, :math:`x_h` of 10 to 100 µm.
 
-    Signature: the loop keeps its width as the frequency falls to zero, whereas the loop of `creep` shrinks. Motions
-    much smaller than the distance have no loop, whereas `coulomb_friction` holds the ball still. The effect is off at
-    :math:`F_h = 0`.
+    Signature: the loop of reading over command keeps its width as the frequency falls to zero, whereas the loop of
+    `creep` shrinks. Motions much smaller than :math:`x_h` have no loop, whereas `coulomb_friction` holds the ball
+    still. The effect is off at :math:`F_h = 0`.
 
     Parameters
     ----------

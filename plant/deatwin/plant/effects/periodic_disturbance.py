@@ -40,9 +40,9 @@ class PeriodicDisturbance(Effect):
 
     .. math:: y \to y + a\cos(2\pi ft + \varphi)
 
-    `placed` returns the effect for a disturbance of another signal: the ``command``, the ``force`` on the moving body,
-    or a ``pressure``, if the rig has that signal. The plant filters such a disturbance, so that the amplitude in the
-    reading depends on the voltage.
+    ``PeriodicDisturbance().placed("force")`` describes a disturbance of the force on the moving body. In the same way,
+    ``"command"`` and ``"pressure"`` place the disturbance on these signals, if the rig has them. The plant filters such
+    a disturbance, so that the amplitude in the reading depends on the voltage.
 
     The effect has no state. A tone above half the sampling rate is recorded at its alias: the mains at about 50 Hz,
     sampled at 50 Hz, appears with a period of 10 to 100 s and looks like a drift. Typical: a = 1 to 20 µm. Signature:

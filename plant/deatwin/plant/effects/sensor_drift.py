@@ -41,10 +41,10 @@ class SensorDrift(Effect):
 
     .. math:: y \to y + a\,(1 - e^{-t/\tau}), \qquad t \ge 0
 
-    `placed` returns the effect for another drift. At ``command``, the amplifier's offset drifts, that is, the drift is
-    added to the command. At ``command_gain`` and ``reading_gain``, the gain of the amplifier or of the sensor drifts:
-    the command or the reading s becomes :math:`s\,[1 + a\,(1 - e^{-t/\tau})]`. From a single reading, a drift of the
-    amplifier's gain cannot be distinguished from `permittivity_drift`.
+    ``SensorDrift().placed("command")`` describes a drift of the amplifier's offset, which is added to the command.
+    ``placed("command_gain")`` and ``placed("reading_gain")`` describe a drift of the gain of the amplifier or of the
+    sensor: the command or the reading s becomes :math:`s\,[1 + a\,(1 - e^{-t/\tau})]`. From a single reading, a drift
+    of the amplifier's gain cannot be distinguished from `permittivity_drift`.
 
     The effect has no state. Typical: a micrometre to a tenth of a millimetre per hour, while the sensor head warms up
     or its mount settles. Signature: all readings shift by the same amount, whatever the voltage. A `permittivity_drift`

@@ -13,7 +13,8 @@ Symbol = Any  # a CasADi SX, MX, DM, a float or an array
 class BreakdownLaw:
     r"""Power law of the breakdown field of a film, :math:`E_B = E_1\,(h/h_1)^p\,\lambda^q`.
 
-    h is the present thickness of the film and :math:`\lambda` its equal-biaxial stretch.
+    h is the present thickness of the film and :math:`\lambda` its equal-biaxial stretch. Two published laws are
+    available as instances of this class: `HUANG_2012` and `KOFOD_2001`.
 
     Parameters
     ----------

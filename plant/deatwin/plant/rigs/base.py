@@ -88,17 +88,18 @@ class Rig(ABC):
     sample_time : float
         Sample time, s.
     noise : float
-        Standard deviation of the sensor noise, SI.
+        Standard deviation of the sensor noise, in the reading's SI unit.
     reading : ReadingTime
         Time within a sample at which the reading is taken.
     model_error : float
-        Rms error of the reading that remains after the rig is calibrated to a model with finer equations, SI.
+        Rms error of the reading that remains after a calibration because the rig's equations are simplified, in the
+        reading's SI unit.
     command_range : tuple of float, or None
         Lowest and highest command of the drive, in the command's unit; None if unknown.
     chain : MeasuringChain, or None
         Properties of drive and sensor; if None, readings have only white noise with the standard deviation `noise`.
     further : tuple of Reading
-        Readings besides the first one, taken at the same times.
+        Readings of further sensors, taken at the same times as the first reading, which every rig has.
     supply : Supply, optional
         Known limits of the voltage source, for rigs with electrodes; None for an ideal voltage source.
     """

@@ -41,7 +41,7 @@ _PROBES = 20190501  # seed of the probes, so that the same model always gives th
 
 
 class UncertaintyWarning(UserWarning):
-    """Issued if a propagated covariance does not describe the response; the text gives the nonlinearity and advice."""
+    """Issued if the first-order covariance of a frequency response is invalid; the text gives reason and advice."""
 
 
 class UncertaintyStatus(Enum):
@@ -232,7 +232,7 @@ def propagate(model: NarxModel, quantity: Quantity, *, level: float = 0.95) -> P
     Warns
     -----
     UncertaintyWarning
-        If the covariance does not describe the response.
+        If the first-order covariance is invalid (status ``BENT`` or ``LOST``).
 
     Raises
     ------

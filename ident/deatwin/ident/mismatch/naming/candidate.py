@@ -213,8 +213,8 @@ class Distance:
         Names of the two explanations; several effects are joined by ``+``.
     d2 : float
         Sum over all samples of the squared difference of the predicted readings, divided by the variance of noise and
-        model error; dimensionless. To first order only, if the residuals of the two explanations already differ by
-        more than the model error.
+        model error; dimensionless. The value is only a first-order approximation if the residuals of the two
+        explanations already differ by more than the model error.
     """
 
     effects: tuple[str, str]

@@ -92,7 +92,7 @@ class DataQuality(Described):
     settled : tuple of tuple of ndarray of bool
         Samples at which the influence of an unknown initial state has decayed. All other samples are left out.
     unknown : tuple of tuple of ndarray of bool
-        Samples after a gap in a recording, as long as they depend on when the command changed during the gap. They are
+        Samples after a gap in a recording at which the reading depends on the unknown command during the gap. They are
         left out. Empty if there are none.
     """
 

@@ -55,6 +55,8 @@ sheets."""
 class Base(Described):
     """Calibrated base plant, in the chosen interpretation of the rig file and in other interpretations.
 
+    An interpretation is one of several plants that agree with an incomplete rig file.
+
     Parameters
     ----------
     chosen : Candidate

@@ -153,9 +153,10 @@ def estimate_dead_time(
     first- and second-order plants are fitted to the whitened signals for each dead time. Schwarz's criterion (BIC)
     converts the likelihoods of these fits to probabilities.
 
-    Neither held, slow or autocorrelated inputs nor coloured noise bias the estimate. Strongly correlated inputs make
-    the interval too narrow by a sample or two. Noise on a measured input makes the dead time seem a sample or two
-    shorter. For a plant of higher order, the estimate is the dead time of a low-order approximation.
+    An input that is held, slow or autocorrelated does not bias the estimate, and coloured noise does not either. If
+    inputs are strongly correlated with each other, the confidence interval of the dead time is too narrow by a sample
+    or two. Noise on a measured input makes the dead time seem a sample or two shorter. For a plant of higher order, the
+    estimate is the dead time of a low-order approximation.
 
     If the input repeats itself, as a triangle wave does, several dead times far apart may fit equally well (status
     ``ALIKE``); the interval then covers all of them. An input of a few sines may not determine the dead time at all
@@ -220,21 +221,21 @@ def estimate_dead_time(
 def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
     """Return input lags for a model from the dead-time interval of each input.
 
-    A dead-time interval from ``low`` to ``high`` samples gives the lags ``low`` to ``high + count - 1``. If ``low`` is
-    at most 1, the lags are 1 to `count` instead; likewise if the dead time is unknown or several fit equally well. If
-    feedback is suspected, both sets of lags are used.
+    A dead-time interval from ``low`` to ``high`` samples gives the lags ``low`` to ``high + count - 1``. The lags are 1
+    to `count` instead if ``low`` is at most 1, if the dead time is unknown, or if several dead times fit equally well.
+    If feedback is suspected, the lags 1 to `count` are added to those of the interval.
 
     Parameters
     ----------
     dead_times : sequence of DeadTime
         Dead time of each input. Constant inputs are ignored.
     count : int
-        Number of lags from ``high`` on, including ``high``.
+        Number of lags from ``high`` on, or from 1 on; the first one is included.
 
     Returns
     -------
     tuple of int
-        Lags of all inputs together, in ascending order; 1 to `count` if there are none.
+        Lags of all inputs together, in ascending order; 1 to `count` if all inputs are constant.
     """
     lags: set[int] = set()
     for one in dead_times:

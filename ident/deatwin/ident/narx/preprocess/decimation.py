@@ -123,15 +123,16 @@ class SamplingChoice(Described):
 
 @taking(n_lags=partial(whole_number, least=0))
 def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> SamplingChoice:
-    """Choose a decimation factor from the linear and nonlinear autocorrelation of the output.
+    """Choose a decimation factor from two autocorrelations of the output.
 
-    The earlier of the two functions' first minima should lie at a lag of 10 to 20 samples. If it lies later, the
-    decimation factor is chosen so that the minimum moves to a lag near 15 samples. The factor is reduced if a period of
-    the output's highest frequency would otherwise have fewer than 10 samples.
+    The linear autocorrelation is that of the output, and the nonlinear one is that of the square of the output's
+    deviation from its mean. The earlier of their first minima should lie at a lag of 10 to 20 samples. If it lies
+    later, the decimation factor is chosen so that the minimum moves to a lag near 15 samples. The factor is reduced if
+    a period of the output's highest frequency would otherwise have fewer than 10 samples.
 
-    A minimum counts only if the function then rises by more than the half width of its 95 % band. If neither function
-    has such a minimum, as for a first-order plant or a short recording, the first lag at which the linear
-    autocorrelation lies within its 95 % band about zero is used instead.
+    A minimum counts only if the autocorrelation then rises by more than the half width of its 95 % band. If neither
+    autocorrelation has such a minimum, as for a first-order plant or a short recording, the first lag at which the
+    linear autocorrelation lies within its 95 % band about zero is used instead.
 
     Parameters
     ----------
