@@ -27,9 +27,9 @@ class Readings:
     experiments : tuple of Experiment
         The recordings.
     base : tuple of tuple of ndarray, each of shape (n,)
-        Simulation without the causes, for each experiment and each of its recordings.
+        Simulation of the base plant, for each experiment and each of its recordings.
     amended : tuple of tuple of ndarray, each of shape (n,), or None
-        Simulation with the causes, in the same form; None if there are no causes.
+        Simulation with the effects of the best explanation, in the same form; None if there is no explanation.
     unseen : tuple of tuple of ndarray of bool, each of shape (n,)
         True at held-out samples, to which nothing was fitted before the verdict.
     reading : str

@@ -100,18 +100,20 @@ class ResponseDifference:
 
 @dataclass(frozen=True, kw_only=True)
 class Unexplained:
-    """Mismatch that the causes do not explain, and its location.
+    """Mismatch that remains with the best explanation, and its location.
 
     Parameters
     ----------
     rms : float
-        Rms residual beyond the sensor noise with the causes, over all data, in the unit of `Diagnosis.output`.
+        Rms residual beyond the sensor noise with the best explanation, over all data, in the unit of
+        `Diagnosis.output`.
     mismatch : float
-        The same quantity without the causes.
+        The same quantity without the explanation.
     share : float
         Ratio (rms / mismatch)², at most 1.
     fitted, unseen : float
-        Rms residual beyond the sensor noise with the causes, on fitted and on held-out data, in the same unit.
+        Rms residual beyond the sensor noise with the best explanation, on fitted and on held-out data, in the same
+        unit.
     time : Window or None
         Interval of time with the largest share of the remaining mismatch. None if the remaining mismatch extends over
         nearly the whole time.

@@ -30,8 +30,8 @@ class SensorLag(Effect):
     ball's ringing is smaller in the reading, although the ball itself is not damped. The effect is off at
     :math:`\tau_s = 0`, where y = x.
 
-    On a rig without a film, `placed` returns the effect for a lag of the ``command`` instead; on a rig with a film, use
-    `electrode_rc` for that.
+    ``SensorLag().placed("command")`` makes the command lag instead. It is meant for rigs without a film; for a lag of
+    the command on a rig with a film, use `electrode_rc`.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ _PROBES = 20190501  # seed of the probes, so that the same model always gives th
 
 
 class UncertaintyWarning(UserWarning):
-    """Issued if a propagated covariance does not describe the response; the text gives the nonlinearity and advice."""
+    """Issued if a propagated covariance does not describe the response; the message states nonlinearity and advice."""
 
 
 class UncertaintyStatus(Enum):
