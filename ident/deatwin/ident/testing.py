@@ -26,7 +26,7 @@ _INTERRUPTS = 4  # places at which a fit is interrupted
 
 
 class ContractError(DeatwinError, AssertionError):
-    """Raised by `check_identifier` if an estimator breaks the contract; the text names the rule that is broken."""
+    """Raised by `check_identifier` if an estimator breaks the contract; the message names the rule that is broken."""
 
 
 def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None = None) -> None:
@@ -57,7 +57,7 @@ def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None 
     Raises
     ------
     ContractError
-        If the estimator breaks the contract; the text names the first rule that is broken.
+        If the estimator breaks the contract; the message names the first rule that is broken.
     """
     if not hasattr(type(identifier), "get_params"):
         raise ContractError(f"identifier must be an estimator, as Frols(); got {kind_of(identifier)}")

@@ -54,7 +54,7 @@ def controller_from_dict(data: Mapping[str, Any]) -> Controller:
     Raises
     ------
     ControlError
-        If a key is missing or the kind is not known.
+        If a key is missing, or the kind of controller is not known.
     """
     if absent := [name for name in ("kind", *_COMMON) if name not in data]:
         raise ControlError(f"the description of a controller lacks {', '.join(absent)}")

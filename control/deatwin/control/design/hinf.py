@@ -119,7 +119,7 @@ def hinf(
     MissingPackageError
         If slycot is not installed.
     ControlError
-        If a bound is invalid, or if the bounds cannot be met together. In that case the text gives the largest
+        If a bound is invalid, or if the bounds cannot be met together. In that case the message gives the largest
         bandwidth at which the other bounds can be met.
 
     References

@@ -52,7 +52,7 @@ def static_curve(system: Any, /, command_range: Limits, *, count: int = 33) -> S
     ------
     ControlError
         If an argument is invalid, if the outputs are not strictly monotone, or if the system does not come to rest at
-        one of the commands, which the text names.
+        one of the commands, which the message names.
     """
     raise ControlError(f"a static curve needs a NarxModel or a Plant, not a {type(system).__name__}")
 

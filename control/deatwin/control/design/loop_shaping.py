@@ -97,7 +97,7 @@ def loop_shaping(
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If an argument is invalid, if the model responds to a command in the same sample, or if the bounds cannot be met
-        at `crossover_Hz`. In the last case the text gives the largest crossover at which they can be met.
+        at `crossover_Hz`. In the last case the message gives the largest crossover at which they can be met.
 
     References
     ----------

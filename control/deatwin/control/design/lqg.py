@@ -106,7 +106,7 @@ def lqg(
         If the status of the model is not OK, for example because its operating point is unstable.
     ControlError
         If an argument is invalid, if the model responds to a command in the same sample, if the closed-loop time cannot
-        be reached (the text gives one that can), or if it is so long that rounding errors spoil the controller.
+        be reached (the message gives one that can), or if it is so long that rounding errors spoil the controller.
 
     References
     ----------

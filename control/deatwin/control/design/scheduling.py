@@ -45,7 +45,7 @@ def scheduled(
     ------
     ControlError
         If the models differ in sampling time or in the sign of the static gain, if the design fails for one of the
-        models (the text says which, and why), if the controllers are not of one kind, or if an argument is invalid.
+        models (the message says which, and why), if the controllers are not of one kind, or if an argument is invalid.
     """
     if not command_limits[0] < command_limits[1]:
         raise ControlError(f"the limits of the command, {command_limits[0]:g} and {command_limits[1]:g}, must rise")

@@ -32,9 +32,10 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     Returns
     -------
     LinearModel
-        Linear model. The coefficient b_0 belongs to the input in the same row of a recording as the output: apply
-        `LinearModel.in_loop` before you design a controller. The status says whether there is an equilibrium at which a
-        controller can be designed.
+        Linear model from the input to the output, where b_0 is the coefficient of the input in the same row of a
+        recording. A controller may be able to use a reading only for the command of the next row. Therefore apply
+        `LinearModel.in_loop`, which adds this delay if needed, before you design a controller. The status
+        says whether there is an equilibrium at which a controller can be designed.
 
     Raises
     ------

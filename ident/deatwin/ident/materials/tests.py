@@ -31,8 +31,8 @@ class MaterialTest:
         ``"tension"``, ``"relaxation"`` or ``"cycles"`` for a strip with free sides; ``"equibiaxial"``;
         ``"pure shear"`` for a wide strip, which keeps its width; or ``"dma"`` for dynamic mechanical analysis.
     specimen : str
-        Name of the specimen; by default the name of the test. The stresses of a specimen may deviate by a factor, which
-        is the same in all its tests.
+        Name of the specimen; by default the name of the test. Stresses and moduli of different specimens may differ by
+        a factor, which is common to all tests of one specimen.
     times : array_like, shape (n,), optional
         Times, s, at least 0. The stretch is 1 until time 0. From then on, it changes at a constant strain rate until
         the first sample. If the first sample is at time 0, the stretch jumps. Without times, the test counts as so slow

@@ -30,8 +30,8 @@ def how_sure(diagnosis: Diagnosis) -> str:
     -------
     str
         One sentence without initial capital and full stop. It states the probabilities of the likeliest explanations;
-        for a verdict without causes, it states the numbers that decided the verdict. Empty if the diagnosis contains
-        none of these numbers.
+        for a verdict that names no effects, it states the numbers that decided the verdict. Empty if the diagnosis
+        contains none of these numbers.
     """
     return _LINES[diagnosis.verdict](diagnosis)
 

@@ -134,7 +134,7 @@ class Diagnosis(Described):
     fit : FitSummary
         Rms residuals without and with the effects in `causes`, on fitted and on held-out data.
     verification : VerificationSummary or None
-        Results of the tests of the best explanation (`verify`); None if there is no explanation.
+        Results of the tests that `verify` applies to the best explanation; None if there is no explanation.
     faults : tuple of Fault
         Faults of the recordings.
     taught : tuple of ReadingSummary or None

@@ -231,7 +231,7 @@ class ConstancySummary:
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationSummary:
-    """Summary of the tests of the best explanation by `verify`.
+    """Summary of the tests that `verify` applies to the best explanation.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ class VerificationSummary:
     counts : bool or None
         True if the explanation is accepted even if `gain_low` is not positive. The mean square residual must then
         decrease significantly over all data. On held-out data, it must decrease by more than the square of the model
-        error, and by more than half of its excess over the noise variance.
+        error, and by more than half of the amount by which, without the explanation, it exceeds the noise variance.
     ablation : tuple of Ablation
         For each effect, the result when this effect is removed and all other parameters are refitted.
     shams : tuple of PlaceboSummary
@@ -292,7 +292,7 @@ class AdviceSummary:
     undecided : tuple of str or None
         Explanations that the input cannot distinguish from at least one other explanation.
     log_odds : float or None
-        Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after an
+        Expected natural logarithm of the odds of the true explanation over the nearest other explanation, after an
         experiment with the best waveform and no additional reading.
     readings : tuple of PricedReading
         Additional readings that the rig could have, the most informative first.
@@ -372,8 +372,8 @@ class FitSummary:
     fitted : Errors
         Rms residuals on fitted data.
     unseen : UnseenErrors
-        Rms residuals on held-out data, with the lower 95 % bound of their decrease. All readings together give this
-        bound.
+        Rms residuals on held-out data, with the lower 95 % bound of their decrease. This bound is computed from all
+        readings together.
     """
 
     fitted: Errors

@@ -132,7 +132,8 @@ def generate_terms(
     degree : int
         Largest degree of a term, at least 1.
     n_inputs, n_outputs : int
-        Number of channels; a single channel is written without a number.
+        Numbers of inputs and outputs. In the terms, channels are written u1, u2, ... and y1, y2, ...; a single
+        input is written u, and a single output y.
     functions : sequence of Variable
         Functions of lagged signals, such as |u(k-1)|, as additional factors. A candidate contains each function at most
         once.

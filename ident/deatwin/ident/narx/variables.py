@@ -31,7 +31,7 @@ class Variable:
     kind : str
         Kind of the signal: "y" for an output, "u" for an input, "e" for the noise of an output.
     channel : int
-        Number of the channel from 1; 0 for a single channel, which is written without a number.
+        Number of the channel from 1; 0 for a single channel, which is written u or y instead of u1 or y1.
     lag : int
         Delay in samples, at least 0 for an input and at least 1 otherwise.
     shape : Shape, optional

@@ -40,7 +40,7 @@ class AmplifierSaturation(Effect):
 
     References
     ----------
-    Clipped output, as amplifier data sheets state it; corner: softplus.
+    Clipped output, as amplifier data sheets state it. The rounded corner is a softplus function.
     """
 
     share: float = 1.0

@@ -31,8 +31,8 @@ class DeadZone(Effect):
 
     References
     ----------
-    Tao & Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996), chapter 2; corner:
-    softplus.
+    Tao & Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996), chapter 2. The
+    rounded corner is a softplus function.
     """
 
     width: float = 0.1

@@ -36,7 +36,7 @@ class SensorSaturation(Effect):
 
     References
     ----------
-    Clipped output, as sensor data sheets state it; corner: softplus.
+    Clipped output, as sensor data sheets state it. The rounded corner is a softplus function.
     """
 
     share: float = 1.0

@@ -26,7 +26,7 @@ class StrainStiffening(Effect):
     only shifts that limit.
 
     Typical for VHB: a :math:`\mu_s` equal to the whole shear modulus of the film (15 to 30 kPa), and J = 90 to 120. At
-    a prestretch of 3.5, :math:`I_1 - 3` is 21.5. Signature: the change of the reading is static and even in the
+    a prestretch of 3.5, :math:`I_1 - 3` is 21.5. Signature: the influence on the reading is static and even in the
     voltage. Compared with a film without the effect, the displacement grows less steeply above about 2.5 kV, and the
     ball's natural frequency falls less. An `amplifier_saturation` causes a sharp corner in the curve of displacement
     over voltage, and does not change the natural frequency. A `permittivity_stretch` does not change the film's sag at

@@ -140,8 +140,8 @@ def random_phase_multisine(
     Raises
     ------
     DataError
-        If an argument is out of its range, or if no drawn phases satisfy the limits. In the latter case, the text
-        states a smaller `rms` for which there are such phases.
+        If an argument is out of its range, or if no drawn phases satisfy the limits. In the latter case, the
+        error message states a smaller `rms` for which there are such phases.
 
     References
     ----------

@@ -129,7 +129,7 @@ def read_rig(path: str | Path) -> RigFile:
     Raises
     ------
     RigError
-        If the file is missing or not TOML, or if a key or a value is wrong; the text lists all mistakes, with their
+        If the file is missing or not TOML, or if a key or a value is wrong; the message lists all mistakes, with their
         lines.
     """
     return RigFile.of(TomlFile.read(path))

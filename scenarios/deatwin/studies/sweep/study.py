@@ -90,7 +90,7 @@ def run_study(
         If the folder contains a study with another function, seed, settings, version or code; if `work` is not a
         function as described; or if two cases are equal or a case contains other values than those described.
     KeyboardInterrupt
-        If the user interrupts the run. Finished cases are kept, and the text states their number.
+        If the user interrupts the run. Finished cases are kept, and the error message states their number.
     """
     from deatwin.studies.provenance import versions
     from deatwin.studies.voice import Voice

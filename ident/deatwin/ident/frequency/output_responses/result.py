@@ -28,7 +28,7 @@ _SHOWN = 0.01  # truncation errors below this share of the gain are not drawn
 
 
 class NofrfWarning(UserWarning):
-    """Issued if a nonlinear output frequency response is not reliable; the text advises what to do."""
+    """Issued if a nonlinear output frequency response is not reliable; the message advises what to do."""
 
 
 class NofrfStatus(Enum):
@@ -100,9 +100,9 @@ class Nofrf(Described, Frozen):
         Magnitude of the change of each G_n if two more orders are fitted, shape (n_values,), in the unit of G_n. It
         estimates the error due to orders that were not fitted. NaN if there are too few levels.
     advisable_level : float
-        Factor by which to reduce the levels so that the model does not diverge, and the truncation error of Y_1, ...,
-        Y_n is at most about 1 % of their rms, for the requested order n. 1 if no reduction is needed, NaN if the
-        truncation error is not known.
+        Factor, at most 1, by which all levels should be multiplied so that the model does not diverge, and the
+        truncation error of Y_1, ..., Y_n is at most about 1 % of their rms, for the requested order n. 1 if no
+        reduction is needed, NaN if the truncation error is not known.
     status : NofrfStatus
         Most serious problem that was found, or OK.
     """

@@ -74,7 +74,7 @@ class Advice(Described):
         Readings that each explanation in `alternatives` predicts for the input, SI. All explanations but the first are
         refitted to the readings that the first one predicts.
     log_odds : float
-        Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after an
+        Expected natural logarithm of the odds of the true explanation over the nearest other explanation, after an
         experiment with the best waveform and no additional reading.
     readings : tuple of PricedReading
         Additional readings that the rig could have, the most informative first.

@@ -40,9 +40,9 @@ class PricedReading(SensorOffer):
     noise_source : str
         Source of the value of `noise`.
     log_odds : float
-        Natural logarithm of the expected odds of the true explanation over the nearest other explanation, if this
-        reading is added to the existing recordings. A negative value means that the other explanation would still be
-        preferred, because of its larger prior probability.
+        Natural logarithm of the odds of the true explanation over the nearest other explanation, if this reading is
+        added to the existing recordings; the reading is simulated with noise. A negative value means that the other
+        explanation would still be preferred.
     resolves : bool
         True if the reading distinguishes all explanations.
     """

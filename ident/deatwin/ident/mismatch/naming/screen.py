@@ -93,8 +93,8 @@ def linearised_responses(
     effects : sequence of Effect
         Effects whose responses are computed.
     fit : Calibration
-        Calibration whose residual is to be explained. Effects with an event time or a period take its start value from
-        this residual.
+        Calibration whose residual is to be explained. The start values of event times, periods and resonance
+        frequencies are found from this residual.
     finished : callable, optional
         Called with the number of finished effects.
 

@@ -37,12 +37,12 @@ class Foreseen:
     typical : float
         Typical strength, in `unit`.
     change : float
-        Rms change of the readings that the effect causes at its typical strength, in the unit `ExperimentPlan.unit`.
+        Rms change that the effect causes in the readings at its typical strength, in the unit `ExperimentPlan.unit`.
     smallest : float or None
         Smallest strength, in `unit`, at which the effect would be detected. None if the effect would not be detected at
         any strength within the range of the parameter.
     smallest_change : float or None
-        Rms change of the readings that the effect causes at the smallest strength, in the unit `ExperimentPlan.unit`.
+        Rms change that the effect causes in the readings at the smallest strength, in the unit `ExperimentPlan.unit`.
     alike : tuple of str
         Effects from which this effect, at its typical strength, could not be distinguished, the most similar first.
     """
