@@ -72,7 +72,7 @@ def run_jobs(
 ) -> list[Result]:
     """Call a function once for each tuple of arguments.
 
-    Several processes use the joblib backend that the user has set by ``joblib.parallel_config``.
+    Several processes are run by joblib, with the backend that the user has set by ``joblib.parallel_config``.
 
     Parameters
     ----------

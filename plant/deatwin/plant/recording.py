@@ -44,7 +44,7 @@ class Recording:
         SI unit of each further channel, by name. By default, channels with a name that deatwin knows, such as
         ``temperature``, have the usual SI unit, and others have none.
     provenance : mapping of str to str
-        Origin of the samples, for example the name of the file under ``file``.
+        Origin of the samples, for example ``{"file": "test.csv"}``.
 
     Raises
     ------

@@ -33,11 +33,11 @@ class Law:
     a : ndarray, shape (n, n)
         State matrix A.
     b : ndarray, shape (n, 2)
-        Input matrix B, per output unit.
+        Input matrix B, per unit of the reading.
     c : ndarray, shape (n,)
-        Output vector C, in the input's unit.
+        Output vector C, in the command's unit.
     d : ndarray, shape (2,)
-        Direct term D, input unit per output unit.
+        Direct term D, in the command's unit per unit of the reading.
 
     Raises
     ------
@@ -74,11 +74,11 @@ class Law:
         a : array_like, shape (n, n)
             State matrix A.
         b : array_like, shape (n,)
-            Input vector from the error, per output unit.
+            Input vector from the error, per unit of the reading.
         c : array_like, shape (n,)
-            Output vector C, in the input's unit.
+            Output vector C, in the command's unit.
         d : float
-            Direct term from the error, input unit per output unit.
+            Direct term from the error, in the command's unit per unit of the reading.
         """
         column = np.asarray(b, dtype=np.float64)
         return cls(
@@ -101,7 +101,7 @@ class Law:
         return Law(a=self.a, b=b, c=self.c, d=d)
 
     def feedforward(self, gain: float) -> Law:
-        """Return the law with `gain` (input unit per output unit) times the reference added to its command."""
+        """Return the law with `gain` times the reference added to its command; the gain has the unit of `d`."""
         return Law(a=self.a, b=self.b, c=self.c, d=self.d + np.array([gain, 0.0]))
 
     @property

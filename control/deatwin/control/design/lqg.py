@@ -66,7 +66,7 @@ def lqg(
 ) -> LinearController:
     r"""Design a sampled LQG controller with integral action.
 
-    The regulator minimises :math:`\sum (y - r)^2 + \rho \, (\Delta u)^2` for the reading y, the reference r and the
+    The regulator minimises :math:`\sum [(y - r)^2 + \rho \, (\Delta u)^2]` for the reading y, the reference r and the
     change :math:`\Delta u` of the command from sample to sample. The weight :math:`\rho` is chosen so that the reading
     has reached 63 % of a reference step when one closed-loop time plus the model's delay has passed.
 
@@ -88,8 +88,8 @@ def lqg(
         Standard deviation of the reading's noise, in the output's unit. Only the ratio of `noise` to `drift` matters.
         If `drift` is omitted, `noise` has no influence.
     drift : float, optional
-        Standard deviation of the change of the random walk in one second, in the output's unit. By default the value
-        with which the observer averages over half the closed-loop time.
+        Standard deviation of the change of the random walk in one second, in the output's unit. The default makes
+        the observer average the noise over half the closed-loop time.
     band_Hz : float, optional
         Upper end of the frequency band that the model's recording excited, Hz. It affects only the default of
         `closed_loop_time`.

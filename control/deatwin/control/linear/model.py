@@ -29,7 +29,7 @@ SIGN_LEVEL = 1.96  # Static gain, in standard deviations, from which its sign is
 
 
 class LinearStatus(Enum):
-    """Status of a linear model as a basis for controller design.
+    """Outcome of the check whether a controller can be designed on a linear model.
 
     The value of each member is a message for the user.
     """

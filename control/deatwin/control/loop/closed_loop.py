@@ -59,11 +59,11 @@ class ClosedLoop(Described):
     reference : ndarray, shape (n,)
         Desired output, in its unit.
     output : ndarray, shape (n,)
-        Noise-free reading from which the command is chosen, in its unit.
+        Reading without noise at the time at which the command is chosen, in its unit.
     measured : ndarray, shape (n,)
-        Noisy reading that the controller received, in the output's unit.
+        Reading with noise that the controller received at this time, in the output's unit.
     command : ndarray, shape (n,)
-        Command chosen from this reading and held for one sample, in the input's unit.
+        Command that the controller chose from `measured` and held for one sample, in the input's unit.
     command_limits : (float, float)
         Least and largest command of the controller, in the input's unit.
     input_unit, output_unit : str

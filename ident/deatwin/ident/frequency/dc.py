@@ -30,7 +30,7 @@ _PATH_STEPS = 32  # steps from the centre of the training data to the operating 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equilibrium(Frozen):
-    """Equilibria of a model under a constant input, and which of them belongs to the training data.
+    """All equilibria of a model under a constant input, and the one among them to which the training data lead.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Equilibrium(Frozen):
     stable : ndarray of bool, shape (n_equilibria,)
         True if all poles of the linear part at the equilibrium lie inside the unit circle.
     chosen : int
-        Index of the equilibrium that belongs to the training data.
+        Index of the equilibrium to which the training data lead; see `equilibrium`.
     """
 
     operating_input: Array
@@ -63,9 +63,9 @@ class Equilibrium(Frozen):
 def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> Equilibrium:
     """Find all real equilibria of a model under a constant input.
 
-    The equilibrium that belongs to the training data is found by following the equilibrium from the mean of the
-    training inputs to the operating input. If the model has no training data, the path begins at zero input and zero
-    output.
+    One of them is chosen: the one to which the training data lead. The search starts at the mean of the training
+    inputs with the equilibrium nearest to the mean output, and follows this equilibrium while the input changes to the
+    operating input. If the model has no training data, zeros take the place of both means.
 
     Parameters
     ----------

@@ -40,7 +40,8 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
     Parameters
     ----------
     response : FrequencyResponse
-        Response as a function of one frequency, such as H_1, G_n or Y_n.
+        Response as a function of one frequency: a linear frequency response H_1, a nonlinear output frequency response
+        G_n or an output spectrum Y_n (see `FrequencyResponse`).
     axes : sequence of two matplotlib Axes, optional
         Axes for gain and phase; new ones by default.
 
@@ -52,7 +53,7 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
     Raises
     ------
     ModelError
-        If the response is a function of several frequencies, or there are not two axes.
+        If the response is a function of several frequencies, or `axes` does not have exactly two entries.
     """
     from deatwin.ident.frequency.response import FrequencyResponse  # which imports this module to draw itself
 

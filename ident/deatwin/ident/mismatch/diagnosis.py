@@ -128,7 +128,8 @@ class Diagnosis(Described):
     unexplained : Unexplained or None
         Mismatch that remains with the effects in `causes`, and its location; None unless the verdict is `partly`.
     free_form : FreeFormSummary or None
-        Force without a physical name that describes a mismatch which no effect explains; None if there is none.
+        Free form: a force that has no physical name and describes a mismatch that no effect explains; None if there is
+        none.
     sentence : str
         Conclusion in plain words; each number in it is a field of the file.
     fit : FitSummary
@@ -138,8 +139,8 @@ class Diagnosis(Described):
     faults : tuple of Fault
         Faults of the recordings.
     taught : tuple of ReadingSummary or None
-        Residuals of each reading, and the probabilities with and without this reading (``readings`` in the file). None
-        if there is only one reading.
+        Residuals of each reading, and the probabilities of the explanations with and without this reading (``readings``
+        in the file). None if there is only one reading.
     parameters : mapping of str to FittedParameter
         Parameters of the base plant, which is the calibrated plant without effects.
     forms : tuple of FormSummary

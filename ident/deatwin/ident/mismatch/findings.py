@@ -46,7 +46,8 @@ class Findings:
     advice : Advice or None
         Experiment that would distinguish the remaining explanations; None if none is needed.
     discovery : Discovery or None
-        Force without a physical name that describes a mismatch which no effect explains; None if there is none.
+        Free form: a force that has no physical name and describes a mismatch that no effect explains; None if there is
+        none.
     verdict : Verdict
         Conclusion of the diagnosis.
     answer : Candidate

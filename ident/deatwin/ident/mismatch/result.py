@@ -332,7 +332,7 @@ class TermSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class FreeFormSummary:
-    """Summary of a free form: a force without a physical name that is estimated from the data.
+    """Summary of a free form: a force that is estimated from the data and has no physical name.
 
     Parameters
     ----------
@@ -341,7 +341,7 @@ class FreeFormSummary:
     signal : str or None
         Signal of the plant to which the force is added.
     terms : tuple of TermSummary
-        Terms of the force, the one with the largest contribution first; SI.
+        Terms of the force, in SI units, the one with the largest contribution first.
     before, after : float
         Rms error on held-out data, without and with the free form, in the unit of `Diagnosis.output`.
     gain_low : float or None

@@ -177,7 +177,7 @@ class NarxIdentifier(Identifier, ABC):
         outputs may describe the noise instead of the plant.
     equations_ : tuple of NarxIdentifier
         Fitted estimator of each output if there are several outputs, otherwise empty. Attributes that are not listed
-        here then belong to these estimators.
+        here then exist only in these estimators.
     """
 
     output_lags: Lags

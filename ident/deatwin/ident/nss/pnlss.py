@@ -20,7 +20,7 @@ from deatwin.plant.recording import Recording
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Pnlss(StateSpaceIdentifier):
-    """Estimator of polynomial nonlinear state spaces that minimises the free-run error; terms may be functions, too.
+    """Estimator of state spaces with polynomial and other nonlinear terms; it minimises the free-run error.
 
     The estimator starts from a linear state space. Subspace identification finds this linear model from the best linear
     approximation if the input is periodic, otherwise from the samples; its weights are then refined to the smallest

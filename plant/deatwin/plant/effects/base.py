@@ -41,6 +41,8 @@ class Place(Enum):
 class Alone(Enum):
     """Ability of a single sensor to show that an effect acts at a further place (`Site`) and not elsewhere.
 
+    The first place of an effect is the one at which it acts unless `Effect.placed` moves it to a further place.
+
     - ``TOLD``: the readings may show the place. A diagnosis always tries the effect there.
     - ``AS_FIRST``: the readings are the same as for the effect at its first place, unless the plant depends on the
       clock. A diagnosis tries the place only if there are further sensors.

@@ -135,8 +135,8 @@ def read_recordings(
     ------
     DataError
         If the file cannot be read, or a package for its format is not installed; if a column or its unit cannot be
-        determined; if a value is not a number; or if the times do not increase, are unevenly spaced or have gaps
-        without the options for this.
+        determined; if a value is not a number; or if the times do not increase, are unevenly spaced
+        (without `resample`) or have gaps (without `allow_gaps`).
     """
     asked = {"input": input_column, "output": output_column, "time": time_column}
     units = {"input": input_unit, "output": output_unit}

@@ -20,8 +20,8 @@ class ParameterDrift(Effect):
     .. math:: p(t) = p\,\bigl[1 + a(1 - e^{-t/\tau})\bigr]
 
     p is the value of the plant's parameter at time 0. The effect has no state: the drift depends only on the time, and
-    begins at time 0. Signature: the reading changes slowly, as it does if this parameter is changed. The effect is off
-    at a = 0.
+    begins at time 0. Signature: a slow change of the reading, of the kind that a change of this parameter causes.
+    The effect is off at a = 0.
 
     Parameters
     ----------

@@ -32,9 +32,9 @@ class ForeignRig(Rig):
 
     The call is ``model(parameters, inputs, time)``. `parameters` is a mapping of names to values. `inputs` is a mapping
     of the names of the command and of the channels to arrays of shape (n,). `time` (s) is an array of shape (n,) with
-    uniform times from the first to the last sample of an experiment. The model returns the readings at these times, as
-    an array of shape (n,) or as a mapping of names to such arrays. The model sets its own initial state, and it must be
-    deterministic: the same arguments give the same readings.
+    uniform times from the first to the last sample of an experiment. The model returns the reading at these times, as
+    an array of shape (n,) or as a mapping of names to such arrays, of which only the one called `output_name` is used.
+    The model sets its own initial state, and it must be deterministic: the same arguments give the same reading.
 
     Effects can change the command, the readings, and the parameters in `varying`. If an effect changes the command
     within a sample, the model gets the mean of the changed command over the sample. Derivatives of the readings with

@@ -32,7 +32,8 @@ class BowTie(FilmActuator):
     before stretching, w the width before stretching, W the strain energy density, :math:`\varepsilon` the permittivity,
     V the voltage, F the dead load and x the elongated length. :math:`\lambda` is the stretch along the motion, and
     :math:`\lambda_s` the stretch across it. The film is treated as strips in series, each of which carries the whole
-    dead load. Shear between neighbouring strips is neglected, which holds for films that narrow slowly.
+    dead load. Shear between neighbouring strips is neglected, as is permissible if the width
+    changes gradually along the film.
 
     With ``"clamped"`` sides, stiff fibres across the film hold :math:`\lambda_s` constant (pure shear). With ``"free"``
     sides, each strip contracts freely across the motion (uniaxial stress), and the elongation under voltage is small.

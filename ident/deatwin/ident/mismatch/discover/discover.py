@@ -53,7 +53,7 @@ SIGNIFICANT = 2.0
 def discover(
     problem: DiagnosisProblem, base: Candidate, rng: np.random.Generator, *, place: Opening | None = None
 ) -> Discovery | None:
-    """Search for a free form: a force without a physical name that reduces the mismatch.
+    """Search for a free form: a force that reduces the mismatch and has no physical name.
 
     Parameters
     ----------

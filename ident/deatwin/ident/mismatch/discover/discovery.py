@@ -116,7 +116,7 @@ def _along_the_fitted_part(found: Discovery) -> Variables:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discovery(Described):
-    """Free form: a force found from the data that reduces the mismatch, without a physical name.
+    """Free form: a force that is found from the data, reduces the mismatch and has no physical name.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ TINY = 1e-300
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearisedResponse:
-    """Change of the base plant's readings that an effect causes, per unit of its strength.
+    """Change that an effect causes in the readings of the base plant, per unit of the effect's strength.
 
     Parameters
     ----------

@@ -148,8 +148,8 @@ def calibrate_base(problem: DiagnosisProblem) -> Base:
     -------
     Base
         The base plant. The chosen interpretation is the nominal one, unless it leaves a mismatch and another one leaves
-        none. An interpretation that merely fits better is not chosen, because a wrong rig could then replace a missing
-        effect.
+        none. An interpretation that merely fits better is not chosen, because a wrong interpretation could then
+        hide a missing effect.
 
     Raises
     ------

@@ -64,7 +64,7 @@ class SamplingChoice(Described):
     linear : ndarray, shape (n_lags + 1,)
         Autocorrelation of y', the output minus its mean, at the lags 0, 1, ...; dimensionless.
     nonlinear : ndarray, shape (n_lags + 1,)
-        Autocorrelation of y'^2 minus the mean of y'^2, at the same lags; dimensionless.
+        Autocorrelation of the square y'^2, whose mean is subtracted first, at the same lags; dimensionless.
     linear_band, nonlinear_band : float
         Half width of the 95 % band about zero for each function (Bartlett's formula at large lags).
     sample_time : float
