@@ -126,13 +126,13 @@ class Diagnosis(Described):
     advice : AdviceSummary or None
         Next experiment; None if none is advised.
     unexplained : Unexplained or None
-        Mismatch that remains with the causes, and its location; None unless the verdict is `partly`.
+        Mismatch that remains with the `causes`, and its location; None unless the verdict is `partly`.
     free_form : FreeFormSummary or None
         Force without a physical name that describes a mismatch which no effect explains; None if there is none.
     sentence : str
         Conclusion in plain words; each number in it is a field of the file.
     fit : FitSummary
-        Rms residuals without and with the causes, on fitted and on held-out data.
+        Rms residuals without and with the `causes`, on fitted and on held-out data.
     verification : VerificationSummary or None
         Results of the tests of the best explanation (`verify`); None if there is no explanation.
     faults : tuple of Fault
@@ -147,7 +147,7 @@ class Diagnosis(Described):
     warnings : tuple of str
         Warnings for the user.
     model, base_model : CalibratedPlant or None
-        Calibrated plant with the causes, and without them.
+        Calibrated plant with the `causes`, and without them.
     rival_models : mapping of str to CalibratedPlant
         Plant of each alternative explanation, calibrated on the fitted data. A key joins the names of the effects with
         ``+``; it is ``none`` for the plant without effects.
@@ -221,7 +221,7 @@ class Diagnosis(Described):
         return data
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the residuals without and with the causes over time, with the held-out part shaded.
+        """Draw the residuals without and with the `causes` over time, with the held-out part shaded.
 
         Parameters
         ----------

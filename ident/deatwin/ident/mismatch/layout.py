@@ -27,9 +27,10 @@ class Readings:
     experiments : tuple of Experiment
         The recordings.
     base : tuple of tuple of ndarray, each of shape (n,)
-        Simulation without the causes, for each experiment and each of its recordings.
+        Simulation of the calibrated plant without the causes that the diagnosis found, for each experiment and each of
+        its recordings.
     amended : tuple of tuple of ndarray, each of shape (n,), or None
-        Simulation with the causes, in the same form; None if there are no causes.
+        Simulation of the calibrated plant with these causes, in the same form; None if the diagnosis found none.
     unseen : tuple of tuple of ndarray of bool, each of shape (n,)
         True at held-out samples, to which nothing was fitted before the verdict.
     reading : str

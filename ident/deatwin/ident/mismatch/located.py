@@ -100,7 +100,7 @@ class ResponseDifference:
 
 @dataclass(frozen=True, kw_only=True)
 class Unexplained:
-    """Mismatch that the causes do not explain, and its location.
+    """Mismatch that remains with the causes that the diagnosis found, and its location.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ class Output:
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """Rms residuals on one part of the data, without and with the causes."""
+    """Rms residuals on one part of the data, without and with the causes that the diagnosis found."""
 
     before: float
     after: float | None
@@ -43,7 +43,7 @@ class ReadingSummary:
     noise : float
         Standard deviation of the reading's noise, in `unit`.
     fitted, unseen : Errors
-        Rms residuals on fitted and on held-out data, without and with the causes, in `unit`.
+        Rms residuals on fitted and on held-out data, without and with the causes that the diagnosis found, in `unit`.
     with_it, without_it : mapping of str to float, or None
         Probabilities of the explanations, computed from all readings and from all readings except this one. None if
         there are fewer than two explanations.
@@ -207,7 +207,7 @@ class PlaceboSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class TransferSummary:
-    """Residuals without and with the causes on one part of the held-out data."""
+    """Residuals on one part of the held-out data, without and with the causes that the diagnosis found."""
 
     part: str
     before: float | None  # Rms residuals
@@ -365,7 +365,7 @@ class UnseenErrors(Errors):
 
 @dataclass(frozen=True, kw_only=True)
 class FitSummary:
-    """Rms residuals of the first reading, without and with the causes, in the unit of `Diagnosis.output`.
+    """Rms residuals of the first reading, without and with `Diagnosis.causes`, in the unit of `Diagnosis.output`.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ class SensorSaturation(Effect):
 
     References
     ----------
-    Clipped output, as sensor data sheets state it; corner: softplus.
+    Data sheets of sensors, which state the limit of the output. The rounded corner is the softplus function.
     """
 
     share: float = 1.0

@@ -13,7 +13,9 @@ Symbol = Any  # a CasADi SX, MX, DM, a float or an array
 class BreakdownLaw:
     r"""Power law of the breakdown field of a film, :math:`E_B = E_1\,(h/h_1)^p\,\lambda^q`.
 
-    h is the present thickness of the film and :math:`\lambda` its equal-biaxial stretch.
+    h is the present thickness of the film and :math:`\lambda` its equal-biaxial stretch. There are two laws with
+    published numbers: `HUANG_2012`, for films between stiff polymers, where voltage cannot thin or crease the film, and
+    `KOFOD_2001`, for films in actuators.
 
     Parameters
     ----------

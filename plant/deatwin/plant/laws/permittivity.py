@@ -44,7 +44,8 @@ def stretched(
 
     References
     ----------
-    Zhao & Suo, J. Appl. Phys. 104 (2008) 123530, doi:10.1063/1.3031483 (numbers unconfirmed).
+    Zhao & Suo, J. Appl. Phys. 104 (2008) 123530, doi:10.1063/1.3031483 (not checked against the
+    publication).
     """
     return permittivity * (1 + slope * (stretch_1 + stretch_2 - from_1 - from_2))
 

@@ -88,7 +88,8 @@ class Cone(FilmActuator):
 
     References
     ----------
-    Hau, York, Rizzello & Seelecke, Smart Mater. Struct. 27 (2018) 074004 (bistable bias of such films; unconfirmed).
+    Hau, York, Rizzello & Seelecke, Smart Mater. Struct. 27 (2018) 074004, for the bistable bias of such films (not checked
+    against the publication).
     """
 
     material: str | Material = "Elastosil 2030"

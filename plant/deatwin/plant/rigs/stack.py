@@ -62,7 +62,8 @@ class Stack(FilmActuator):
 
     References
     ----------
-    Kovacs, Düring, Michel & Terrasi, Sens. Actuators A 155 (2009) 299, doi:10.1016/j.sna.2009.08.027 (unconfirmed).
+    Kovacs, Düring, Michel & Terrasi, Sens. Actuators A 155 (2009) 299, doi:10.1016/j.sna.2009.08.027 (not checked against
+    the publication).
     """
 
     layers: int = 100

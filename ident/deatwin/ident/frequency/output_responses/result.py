@@ -100,9 +100,9 @@ class Nofrf(Described, Frozen):
         Magnitude of the change of each G_n if two more orders are fitted, shape (n_values,), in the unit of G_n. It
         estimates the error due to orders that were not fitted. NaN if there are too few levels.
     advisable_level : float
-        Factor by which to reduce the levels so that the model does not diverge, and the truncation error of Y_1, ...,
-        Y_n is at most about 1 % of their rms, for the requested order n. 1 if no reduction is needed, NaN if the
-        truncation error is not known.
+        Number, at most 1, by which to multiply the excitation so that the model does not diverge, and the truncation
+        error of Y_1, ..., Y_n is at most about 1 % of their rms, for the requested order n. 1 if the excitation is
+        small enough, NaN if the truncation error is not known.
     status : NofrfStatus
         Most serious problem that was found, or OK.
     """
