@@ -124,7 +124,8 @@ class Actuator:
     name : str
         ``DEA 1`` to ``DEA 6``.
     plant : Plant
-        Plant with the fabricated values, and with the effects that change this actuator during its recording.
+        Plant with this actuator's values, which deviate from the nominal ones within the tolerances of fabrication, and
+        with the effects that change the actuator during its recording.
     story : str
         Sentence that describes how the reading changes, and why.
     seed : tuple of int

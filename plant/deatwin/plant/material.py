@@ -8,7 +8,7 @@ from deatwin.plant.substance import Branch as Branch
 from deatwin.plant.substance import Material as Material
 
 MATERIALS = PUBLISHED
-"""Materials with published parameters; the keys are their names in rig files."""
+"""Materials with published parameters: a read-only mapping of their names in rig files to `Material`."""
 
 
 def material(name: str | Material) -> Material:

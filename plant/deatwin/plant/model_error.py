@@ -47,14 +47,15 @@ class Refinable(Protocol):
 class Discrepancy:
     """Error that remains after a plant is calibrated to the simulated readings of a plant with finer equations.
 
-    The error is the reading of the plant with finer equations minus the reading of the calibrated plant.
+    The error is the reading of the plant with finer equations minus the reading of the calibrated plant. For a rig
+    without finer equations, all rms errors are the rig's `model_error`, and the mean error is zero.
 
     Parameters
     ----------
     rms : float
         Rms error over all readings, SI.
     motion : float
-        Standard deviation of the readings of the plant with finer equations, SI; NaN if there is no such plant.
+        Standard deviation of the readings of the plant with finer equations, SI; NaN if the rig has no finer equations.
     before : float
         Rms error before the calibration, SI.
     commands : ndarray, shape (n,)

@@ -46,7 +46,7 @@ class Reading:
     Raises
     ------
     RigError
-        If a number is out of range, or a text is not a string.
+        If a number is out of range, if the name is empty, or if the name, the unit or the column is not a string.
     """
 
     name: str

@@ -175,8 +175,8 @@ class InverseController(Controller):
     name, sample_time, operating_input, operating_output, command_min, command_max, closed_loop_time
         See `Controller`.
     feedback : LinearController
-        Linear controller whose command is a desired output, in the output's unit: the reference (`Law.feedforward` with
-        a gain of one) plus the feedback of the error.
+        Linear controller that computes this sum, in the output's unit. Its law must therefore contain the reference,
+        either unfiltered (`Law.feedforward` with a gain of one) or filtered (`with_dynamics`).
     curve : StaticCurve
         Static curve of the actuator, from constant input to output at rest.
     """

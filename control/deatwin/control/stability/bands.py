@@ -181,8 +181,8 @@ def band_margins(
     A change of the coefficients changes the loop L by dL; L' is the derivative of L with respect to frequency. At a
     phase crossing, ln|L| changes by Re(dL/L) and the frequency of the crossing by -Im(dL/L)/Im(L'/L). At a gain
     crossing, the phase changes by Im(dL/L) and the frequency of the crossing by -Re(dL/L)/Re(L'/L). The disk margin is
-    the minimum of 2 |1 + L|/|1 - L| over frequency. It changes as this expression changes at the minimum. Its lower
-    limit is the lowest limit over all local minima.
+    the minimum of 2 |1 + L|/|1 - L| over frequency. Its change is that of this expression at the frequency of the
+    minimum. Its lower limit is the lowest of the limits at all local minima.
 
     Parameters
     ----------

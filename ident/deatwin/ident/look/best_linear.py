@@ -60,7 +60,8 @@ def best_linear_approximation(
     ----------
     recordings : Recording, Experiment, or several
         Recordings with the same channels and sample time, of a periodic input. Between recordings, the rms of the input
-        may differ by up to 10 %. Each recording needs at least three periods, or two in addition to `skip`.
+        may differ by up to 10 %. Each recording needs at least three periods or, if `skip` is given, at least
+        two periods more than `skip`.
     period : float, optional
         Period of the input, s. By default it is estimated from the first recording.
     channel, output : int

@@ -70,7 +70,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
     operating : OperatingRange or None
         Ranges of the training data; None if unknown.
     provenance : mapping of str to str
-        Origin of the model, in entries of any kind.
+        Notes on the origin of the model, such as the identifier and the recordings.
 
     Raises
     ------

@@ -33,7 +33,7 @@ class ThetaSmoother(VaryingParameters):
 
     The model is ``theta(k+1) = theta(k) + w(k)``, ``y(k) = phi(k)'theta(k) + e(k)``, with the parameters theta, the
     regressors phi, the output y and white noises w and e. The variances of w and e are estimated unless given. The
-    filter starts at the least squares estimate, which has only the weight of 1e-4 samples. The random walk continues
+    filter starts at the least squares estimate, which counts only as much as 1e-4 samples. The random walk continues
     over a gap between recordings.
 
     Parameters

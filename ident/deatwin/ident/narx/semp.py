@@ -60,8 +60,8 @@ class Semp(CandidateSearch):
     Least squares and the F test are valid for white one-step errors. If these errors are not white, for example because
     of noise on the readings, the model is extended (single output only, and not with ``max_exchanges=0``). Its
     parameters are refined to the smallest free-run error, and terms that lower this error are added up to
-    ``max_terms``. The result is the extended model with the smallest free-run error on held-out sections, or a smaller
-    one that is not significantly worse.
+    ``max_terms``. The result is the extended model with the smallest free-run error on held-out sections, or one
+    with fewer terms whose error is not significantly larger.
 
     Parameters
     ----------

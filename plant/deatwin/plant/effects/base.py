@@ -29,7 +29,7 @@ class Family(Enum):
 
 
 class Place(Enum):
-    """Place in the plant where an effect acts. A plant of another kind may declare an `Enum` of its own."""
+    """Place in a plant where an effect acts. A plant with other places may declare an `Enum` of its own."""
 
     DRIVE = "drive"
     FILM = "film"
@@ -57,12 +57,12 @@ class Alone(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
-    """A further place at which an effect may act on a plant, with the same equation.
+    """A place, besides `Effect.place`, at which an effect may act on a plant, with the same equation.
 
     Parameters
     ----------
     place : Enum
-        Further place in the plant; see `Effect.place`.
+        The place in the plant.
     signal : str
         Signal that the effect rewrites at this place.
     wording : str
@@ -104,7 +104,7 @@ class Effect(ABC):
 
     name: ClassVar[str]
     family: ClassVar[Enum]
-    """A `Family`; a plant of another kind may declare an `Enum` of its own."""
+    """A `Family`; a plant with effects of other families may declare an `Enum` of its own."""
     place: ClassVar[Enum]
     signal: ClassVar[str]
     strength: ClassVar[str]

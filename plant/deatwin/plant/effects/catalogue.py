@@ -81,7 +81,8 @@ def effect_named(name: str) -> Effect:
     Parameters
     ----------
     name : str
-        Name, such as ``"creep"``, or ``"delay_at_reading"`` for an effect at a further place.
+        Name, such as ``"creep"``, or ``"delay_at_reading"`` for an effect at a place other than its usual one
+        (`Effect.places`).
 
     Raises
     ------

@@ -18,8 +18,8 @@ class CubicStiffness(Effect):
 
     .. math:: F = -k_3\,y^3
 
-    The effect has no state. y is the ball's displacement from rest. Typical: :math:`1.2\cdot10^7` N/m³, so that at y =
-    0.5 mm the force is a tenth of the force of a film with the stiffness k = 30 N/m. Signature: static and even in the
+    The effect has no state. y is the ball's displacement from rest. Typical: :math:`2\cdot10^7` N/m³, so that at y =
+    0.5 mm the force is a sixth of the force of a film with the stiffness k = 30 N/m. Signature: static and even in the
     voltage. The loss of stroke grows with the cube of the stroke. In an oscillation of amplitude a, the ball's natural
     frequency is higher by the share :math:`\tfrac38 k_3a^2/k`. The position of rest at 0 V does not change, whereas
     `strain_stiffening` reduces the sag of the film. The effect is off at :math:`k_3 = 0`.

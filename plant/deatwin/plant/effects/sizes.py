@@ -62,7 +62,7 @@ class Sizes:
     motion_unit, force_unit, command_unit, reading_unit : str
         Units, as products of powers such as ``"V/s2"``. The default of `reading_unit` is `motion_unit`.
     body : str
-        Name of the moving part in the sentences of effects.
+        Name of the moving part in the sentences that describe effects.
 
     Raises
     ------

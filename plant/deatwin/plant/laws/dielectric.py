@@ -89,7 +89,7 @@ def maxwell_stress(permittivity: Symbol, field: Symbol) -> Symbol:
 def maxwell_strain(
     permittivity: Symbol, field: Symbol, elastic_modulus: Symbol, poissons_ratio: Symbol = 0.5
 ) -> Symbol:
-    r"""Small thickness strain of a free film by Maxwell stress, :math:`-\tfrac12(1+2\nu)\,\varepsilon E^2/Y`.
+    r"""Thickness strain of a free film under small Maxwell stress, :math:`-\tfrac12(1+2\nu)\,\varepsilon E^2/Y`.
 
     The in-plane strain of an incompressible film is half the magnitude of this strain. With :math:`\nu` = 0, the
     equation is eq. 2.2 of the thesis of W. R. Jacobs, which includes only the attraction of the electrodes. For a
@@ -115,7 +115,7 @@ def maxwell_strain(
 
 
 def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Symbol) -> Symbol:
-    r"""Small thickness strain of a film by electrostriction, :math:`Q\varepsilon_0^2(\varepsilon_r - 1)^2E^2`.
+    r"""Thickness strain of a film due to weak electrostriction, :math:`Q\varepsilon_0^2(\varepsilon_r - 1)^2E^2`.
 
     The strain is proportional to the square of the polarisation :math:`\varepsilon_0(\varepsilon_r - 1)E`. The equation
     is eq. 2.1 of the thesis of W. R. Jacobs.

@@ -54,8 +54,8 @@ class Difference:
     from_Hz, to_Hz : float
         Edges of the band of output frequencies, Hz.
     test : Equality
-        Test of the hypothesis that the means of both responses over the band differ by no more than ``least`` of the
-        gain (see `compare`; 0 by default).
+        Test of the hypothesis that the means of both responses over the band differ by no more than the share
+        ``least`` of the gain (see `compare`; 0 by default).
     adjusted : float
         The p-value of the test, corrected for the number of tests.
     size : float

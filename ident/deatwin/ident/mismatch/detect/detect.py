@@ -51,7 +51,7 @@ POINTS = 400
 
 
 def detect(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Detection:
-    """Test whether a calibrated plant lacks any physics.
+    """Test whether physics is missing from a calibrated plant.
 
     Parameters
     ----------

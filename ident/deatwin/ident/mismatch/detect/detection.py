@@ -63,7 +63,7 @@ def _density(found: Detection) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Detection(Described):
-    """Result of the test whether a calibrated plant lacks any physics, and the smallest effects that would be detected.
+    """Result of the test whether physics is missing from a calibrated plant, and the smallest detectable effects.
 
     Parameters
     ----------

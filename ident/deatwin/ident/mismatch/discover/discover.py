@@ -55,6 +55,8 @@ def discover(
 ) -> Discovery | None:
     """Search for a free form: a force that reduces the mismatch and has no physical name.
 
+    On a rig without a moving part, the free form is added to the reading or to the command instead.
+
     Parameters
     ----------
     problem : DiagnosisProblem
@@ -64,7 +66,8 @@ def discover(
     rng : numpy.random.Generator
         Random generator for all resampling.
     place : Opening, optional
-        Place at which the force acts. By default the moving part; if the rig has none, the reading, else the command.
+        Place at which the free form acts. By default, or if the plant accepts no free form there, the first of these
+        that accepts one: the force on the moving part, the reading, the command.
 
     Returns
     -------

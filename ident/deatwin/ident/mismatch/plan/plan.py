@@ -67,8 +67,8 @@ def plan_experiment(
     plant : Plant
         Nominal plant.
     commands : Recording, optional
-        The input; its readings are ignored. By default several waveforms are tried, and the one is chosen with which
-        effects are least likely to be confused with each other.
+        The input; its readings are ignored. By default, several waveforms are tried, and the one that best
+        distinguishes the effects from each other is chosen.
     effects : sequence of Effect, optional
         Effects that may be missing; by default all that the rig offers. The typical strengths of catalogue effects are
         adapted to the rig, as in `diagnose`. Effects that the rig does not accept are skipped.
@@ -88,9 +88,9 @@ def plan_experiment(
     Raises
     ------
     DataError
-        If `commands` is not a Recording, or if both `commands` and `seconds` are given. Without `commands`, also if the
-        rig states no range of its command, or if the length is not 100 to 100,000 samples. In any case if the rig
-        accepts none of the effects, or if it states no sensor noise and the reading does not respond to the input.
+        If `commands` is not a Recording, if both `commands` and `seconds` are given, if the rig accepts none of the
+        effects, or if it states no sensor noise and the reading does not respond to the input. Without `commands`, also
+        if the rig states no range of its command, or if the length is not 100 to 100,000 samples.
     ModelError
         If `plant` is not a Plant, `seed` is not an integer of at least 0, or `jobs` is neither -1 nor an integer of at
         least 1.

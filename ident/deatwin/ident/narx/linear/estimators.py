@@ -173,11 +173,12 @@ class Armax(LinearIdentifier):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class OutputError(LinearIdentifier):
-    """Estimator of output-error models y(k) = sum_i (B_i/F_i) u_i(k) + e(k) + offset, by prediction errors.
+    """Estimator of output-error models y(k) = sum_i (B_i/F_i) u_i(k) + e(k) + offset.
 
-    The polynomials B_i and F_i are those of `LinearModel`, and e is white noise. The search is run from two starting
-    points: an ARX model, and a long ARX model reduced by the method of Steiglitz and McBride. The result with the
-    smaller error is kept. The initial state of each recording is estimated, too.
+    The polynomials B_i and F_i are those of `LinearModel`, and e is white noise. The estimator minimises the mean
+    squared prediction error. The search is run from two starting points: an ARX model, and a long ARX model reduced by
+    the method of Steiglitz and McBride. The result with the smaller error is kept. The initial state of each recording
+    is estimated, too.
 
     If the noise is not white, B_i and F_i are still unbiased, but their covariance is wrong. `BoxJenkins` avoids this.
 
@@ -205,11 +206,11 @@ class OutputError(LinearIdentifier):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class BoxJenkins(LinearIdentifier):
-    """Estimator of Box-Jenkins models y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset, by prediction errors.
+    """Estimator of Box-Jenkins models y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset.
 
-    The polynomials B_i, F_i, C and D are those of `LinearModel`, and e is white noise. The search is run from the two
-    starting points of `OutputError`. At each of them, C and D are first estimated from the residual. The result with
-    the smaller error is kept.
+    The polynomials B_i, F_i, C and D are those of `LinearModel`, and e is white noise. The estimator minimises the mean
+    squared prediction error. The search is run from the two starting points of `OutputError`. At each of them, C and D
+    are first estimated from the residual. The result with the smaller error is kept.
 
     Parameters
     ----------

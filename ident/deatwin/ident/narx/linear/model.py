@@ -112,7 +112,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
     input_names, output_names, input_units, output_units : tuple of str
         Names and units of the signals.
     provenance : mapping of str to str
-        Origin of the model, in entries of any kind.
+        Notes on the origin of the model, such as the identifier and the recordings.
 
     Raises
     ------
