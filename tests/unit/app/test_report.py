@@ -97,8 +97,8 @@ def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_
     page = page_of(replace(made, location=LocationSummary(time=(), frequency=(), region=(), place=places)), tmp_path)
     cells = [re.sub("<[^>]*>", "", cell) for cell in re.findall("<td.*?</td>", page)]
     rows = dict(pairwise(cells))
-    assert rows["film: permittivity"] == "effect: 0 %, signals: 66 %"
-    assert (rows["ball"], rows["sensor"]) == ("signals: 50 %", "effect: 30 %")
+    assert rows["film: permittivity"] == "0 % explained by an effect, 66 % predicted from signals"
+    assert (rows["ball"], rows["sensor"]) == ("50 % predicted from signals", "30 % explained by an effect")
     assert [c for c in cells if c in ("film: permittivity", "ball", "sensor")] == [
         "film: permittivity",
         "ball",
@@ -266,7 +266,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "After a refit to all recordings, the error beyond sensor noise is smaller than this limit",
         "film: stiffness",
         "1234",
-        "creep and delay (9.10)",
+        "cannot distinguish the chosen explanation from delay (d² = 9.10).",
         "x v",
         "-0.0123",
         "94 %",
@@ -275,18 +275,18 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "ball = sliding",
         "as the rig file states",
         "12.6",
-        "a placebo effect (creep with the opposite sign) fits as well as creep itself",
-        "the explanation raises the error on a part of the held-out data: lowest amplitudes",
+        "A placebo effect (creep with the opposite sign) fits as well as creep itself",
+        "The explanation raises the error on a part of the held-out data: lowest amplitudes.",
         "6.78",
         "97 %",
         "3.12 %",
         "not tested: it hardly differs",
         "-126 ± 8 %",
         "not determined",
-        "0 to 49.99 s after the command last rested",
+        "0 to 49.99 s after the last hold of the command",
         "displacement rate from -332 to 326 µm/s",
         "<td>falling reading</td>",
-        "the strength of creep is not constant: in a fit that lets it vary, it changes by -126 % over the fitted data",
+        "The strength of creep is not constant: in a fit that lets it vary, it changes by -126 % over the fitted data",
     )
     for text in shown:
         assert text in page, text

@@ -205,7 +205,7 @@ class Verification(Described):
         """
         axes = axes_or_new(ax)
         unit, size = written_amplitude(self.output_unit)
-        rows = [("all of it", self.unseen_before, self.unseen_after)]
+        rows = [("all held-out data", self.unseen_before, self.unseen_after)]
         rows += [(t.part, t.before, t.after) for t in self.transfers]
         rows += [(f"without {_plain(a.effect)}", self.unseen_before, a.unseen) for a in self.ablations]
         rows += [
@@ -219,7 +219,7 @@ class Verification(Described):
         axes.axvline(self.noise / size, color="0.5", linestyle=":", label="sensor noise")
         axes.set_yticks(places, [name for name, _, _ in rows])
         axes.invert_yaxis()
-        axes.set_xlim(left=0.0)
+        axes.set_xlim(0.0, 1.05 * axes.get_xlim()[1])
         axes.set_xlabel(axis_label("rms residual on held-out data", unit))
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, markerscale=1.0)
         return axes
