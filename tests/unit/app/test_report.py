@@ -333,12 +333,12 @@ EXPLANATIONS = {
         ),
         (
             Verdict.UNKNOWN,
-            "the error beyond sensor noise is 0.340 µm rms, and errors below 1.19 µm rms do not count as a mismatch; the best single effect "
-            "or signal accounts for 34 % of the mismatch.",
+            "the error beyond sensor noise is 0.340 µm rms, and errors below 1.19 µm rms do not count as a mismatch; no single effect or "
+            "signal accounts for more than 34 % of the mismatch.",
         ),
         (
             Verdict.DISTURBANCE,
-            "2 % of the power of the mismatch repeats with the command (with its uncertainty, at most 9 %), but missing physics is diagnosed only if at least 30 % repeats.",
+            "2 % of the power of the mismatch repeats with the command (upper limit: 9 %), and missing physics is diagnosed only if at least 30 % repeats.",
         ),
         (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are faulty, and at most 10 are accepted."),
         (
