@@ -234,7 +234,7 @@ class Advice(Described):
         times = recording.timepts - recording.start
         apart = [(readings - self.predicted[0]) / size for readings in self.predicted]
         lines = [
-            ax.plot(times, left, color=f"C{k}", linewidth=0.9, label=effects_in_words(name))[0]
+            ax.plot(times, left, color=f"C{k}", linewidth=0.9, label=effects_in_words(name.replace("+", " + ")))[0]
             for k, (name, left) in enumerate(zip(self.alternatives, apart, strict=True))
         ]
         band = ax.axhspan(-self.noise / size, self.noise / size, color="0.9", zorder=0, label="sensor noise")
