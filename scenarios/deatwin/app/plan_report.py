@@ -12,7 +12,7 @@ from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.quantities import raised, three_digits
 from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
-from deatwin.studies.report.words import as_sentence
+from deatwin.studies.report.words import as_sentence, listed
 
 
 def write_plan(found: ExperimentPlan, folder: ResultFolder, record: RunRecord) -> None:
@@ -55,9 +55,7 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
             axis_label("change of the reading at the typical strength", f"{unit} rms" if unit else ""): lambda one: (
                 three_digits(one.change)
             ),
-            "not distinguished from": lambda one: (
-                ", ".join(map(_words, one.alike)) or ("no effect" if one.visible else "not detected")
-            ),
+            "at the typical strength": _outcome,
         },
     )
     tables = [table]
@@ -119,3 +117,9 @@ def _words(name: str) -> str:
 
 def _least(one: Foreseen) -> str:
     return "at no strength" if one.smallest is None else raised(with_unit(one.smallest, one.unit))
+
+
+def _outcome(one: Foreseen) -> str:
+    if not one.visible:
+        return "not detected"
+    return f"not distinguished from {listed(list(map(_words, one.alike)))}" if one.alike else "detected"
