@@ -161,14 +161,14 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
     naming = findings.naming
     if not findings.named or naming.best is None:
         return
-    near = {distance.effects[1]: distance.d2 for distance in naming.distances if distance.d2 < DISTINGUISHED}
+    near = {distance.effects[1] for distance in naming.distances if distance.d2 < DISTINGUISHED}
     known = {"+".join(alternative.effects) for alternative in naming.alternatives}
     for other in naming.candidates:
         name = "+".join(other.effects)
         if name in near and name not in known and not is_possible(other, naming.best):
             yield (
-                f"these recordings would be fitted equally well by {_in_words(other)} (squared distance d² = "
-                f"{near[name]:.2g}), but only with an unusual strength, so this explanation does not count as an alternative"
+                f"these recordings could also be explained by {_in_words(other)}, but only with an unusual strength, so this "
+                "explanation does not count as an alternative"
             )
 
 
