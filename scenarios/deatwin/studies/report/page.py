@@ -98,7 +98,7 @@ def _located(found: LocationSummary | None) -> LocationSummary | None:
     )
 
 
-def _places(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+def _places(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
     """Return the rows of places with the shares that effects explain and signals predict, the largest share first."""
     places = diagnosis.location.place if diagnosis.location else ()
     rows = []
@@ -109,9 +109,7 @@ def _places(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         if place.explained is None or _has_effect(place.place, diagnosis):
             shares = {"explained by an effect": place.score, **shares}
         known = {what: max(share, 0.0) for what, share in shares.items() if share is not None}
-        rows.append(
-            (max(known.values()), name, ", ".join(f"{100 * share:.0f} % {what}" for what, share in known.items()))
-        )
+        rows.append((max(known.values()), name, [f"{100 * share:.0f} % {what}" for what, share in known.items()]))
     return [(name, shares) for _, name, shares in sorted(rows, key=lambda row: -row[0])]
 
 
