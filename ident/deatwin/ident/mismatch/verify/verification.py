@@ -22,6 +22,7 @@ from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.effects.titles import effects_in_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -207,9 +208,11 @@ class Verification(Described):
         unit, size = written_amplitude(self.output_unit)
         rows = [("all held-out data", self.unseen_before, self.unseen_after)]
         rows += [(t.part, t.before, t.after) for t in self.transfers]
-        rows += [(f"without {_plain(a.effect)}", self.unseen_before, a.unseen) for a in self.ablations]
+        rows += [(f"without {effects_in_words(a.effect)}", self.unseen_before, a.unseen) for a in self.ablations]
         rows += [
-            (f"{_plain(s.effect)} {s.kind.value}", *self._with_placebo(s)) for s in self.shams if s.share is not None
+            (f"{effects_in_words(s.effect)} {s.kind.value}", *self._with_placebo(s))
+            for s in self.shams
+            if s.share is not None
         ]
         for place, (_, before, after) in enumerate(rows):
             axes.plot([before / size, after / size], [place, place], color="0.6", linewidth=1.2, zorder=1)
@@ -229,7 +232,3 @@ class Verification(Described):
         without = next((a.unseen for a in self.ablations if a.effect == sham.effect), self.unseen_before)
         gained = (sham.share or 0.0) * (without**2 - self.unseen_after**2)
         return without, float(np.sqrt(max(without**2 - gained, 0.0)))
-
-
-def _plain(name: str) -> str:
-    return name.replace("_", " ")
