@@ -11,8 +11,8 @@ from deatwin.plant.errors import RigError
 def effects_in_words(names: str) -> str:
     """Write names of effects as words; an effect at a further place has its title there.
 
-    >>> effects_in_words("creep + sensor_drift_at_command_gain")
-    "creep + drift of the amplifier's gain"
+    >>> effects_in_words("creep + sensor_drift_at_command_gain"), effects_in_words("own_effect_at_reading")
+    ("creep + drift of the amplifier's gain", 'own effect acting on the reading')
     """
     return re.sub(r"\w+_at_\w+", lambda found: _title(found[0]), names).replace("_", " ")
 
