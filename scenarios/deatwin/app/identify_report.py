@@ -234,9 +234,7 @@ def _terms(model: NarxModel) -> Drawing:
         axes.set(xscale="log", xlabel="|parameter| / standard deviation", ylim=(-0.6, order.size - 0.4))
         plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)
         figure.legend(loc="outside upper left")
-        caption = (
-            "Significance of each term of the model: the magnitude of its parameter, divided by the standard deviation."
-        )
+        caption = "Significance of each term of the model: the magnitude of its parameter, divided by the standard deviation of the parameter."
         return Drawing.of(figure, "terms", "Terms", caption, drawn_table(figure))
 
 
@@ -245,8 +243,8 @@ def _tests(validation: Validation) -> Drawing:
     with draw((7.4, 1.7 * len(drawn))) as figure:
         validation.plot(list(figure.subplots(len(drawn), 1, squeeze=False)[:, 0]))
         caption = (
-            "Correlations of the one-step residual e with itself and with the input u. Ochre marks values outside the grey range, "
-            "in which 95 % of the values of noise alone lie. A test judges all lags together, and may therefore pass although "
+            "Correlations of the one-step residual e with itself and with the input u. Ochre marks values outside the grey range; "
+            "noise alone stays in this range at 95 % of the lags. A test judges all lags together, and may therefore pass although "
             "some values lie outside."
         )
         return Drawing.of(figure, "tests", "Residual tests", caption, drawn_table(figure))

@@ -38,7 +38,8 @@ def _drawings(found: ExperimentPlan, folder: ResultFolder) -> Iterator[Drawing]:
         folder.text("figures/visible.svg", standalone(figure))
         caption = (
             "For each effect, the smallest change of the reading that is detected, and the change that the effect causes at its "
-            "typical strength. If the second is smaller than the first, this input does not reveal the effect."
+            "typical strength. This input does not reveal an effect whose change at the typical strength is smaller than the "
+            "smallest detected change."
         )
         yield Drawing.of(figure, "visible", "What the input would show", caption, "\n".join([header, *rows, ""]))
 

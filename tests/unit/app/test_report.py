@@ -293,7 +293,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "not tested: it hardly differs",
         "-126 ± 8 %",
         "not determined",
-        "0 to 49.99 s after the last hold of the command",
+        "0 to 49.99 s after the command was last constant",
         "displacement rate from -332 to 326 µm/s",
         "<td>falling reading</td>",
         "The strength of creep is not constant: in a fit that lets it vary, it changes by -126 % over the fitted data",

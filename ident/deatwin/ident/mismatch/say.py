@@ -254,7 +254,7 @@ def _in(region: Region, diagnosis: Diagnosis) -> str:
     span, signal = " to ".join(number(end) for end in ends(region)), spaced(region.signal)
     article = "an" if signal[:1].lower() in "aeio" else "a"
     return (
-        f"from {span} s after the last hold of the command"
+        f"from {span} s after the command was last constant"
         if region.signal == SINCE_REST
         else f"at {article} {signal} from {span} {unit_of(region.signal, diagnosis)}".rstrip()
     )

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 MOST_LINES = 6
 STATISTICS = {
-    "variance ratio": "mean square, divided by that of noise and model error",
-    "cumulative periodogram": "cumulative periodogram: distance from that of noise",
-    "correlation with the command": "correlation with command or time",
-    "correlation of the square": "correlation of its square with command or time",
+    "variance ratio": "mean square of the residual, divided by that of noise and model error",
+    "cumulative periodogram": "distance of the cumulative periodogram from that of noise",
+    "correlation with the command": "correlation of the residual with command or time",
+    "correlation of the square": "correlation of the squared residual with command or time",
 }
 """Statistics of the residual in words, by their names in the file."""
 

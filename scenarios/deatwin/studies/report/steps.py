@@ -45,15 +45,15 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
     found["checked"] = (
         (WIDTH, 3.2),
         "The readings",
-        "The readings as recorded. Jumps and samples that are stuck, outlying, clipped or noisier than elsewhere are marked, if "
-        "there are any.",
+        "The readings as recorded. Any jumps are marked, and so are samples that are stuck, outlying, clipped or noisier than "
+        "elsewhere.",
         lambda figure: findings.checked.plot(figure.add_subplot()),
     )
     found["detection"] = (
         (WIDTH, 8.4),
         "Tests of the residual",
         "Residual of the calibrated model: its spectrum, its cumulative periodogram, and its correlations with time and with "
-        "functions of the command. The lag of each function grows from left to right. Noise alone leaves a grey range in "
+        "functions of the command. The lag of each function grows from left to right. Noise alone exceeds a grey range in "
         "1 % of all cases.",
         lambda figure: findings.detection.plot(list(figure.subplots(3, 1))),
     )
@@ -78,7 +78,7 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
                 (WIDTH, 3.4),
                 "Frequencies of the periodic input",
                 "Rms residual at the harmonics of the periodic input. The first bars show the part that repeats in every "
-                "period, and the last bar shows the part that does not. A small p-value means that a part is not due to chance.",
+                "period, and the last bar shows the part that does not. A small p-value means that the part is unlikely to be due to chance.",
                 lambda figure: lines.plot(figure.add_subplot(), unit=location.unit),
             )
     if (discovery := findings.discovery) is not None:

@@ -90,7 +90,7 @@ def _legend(name: str, low: float, high: float, unit: str) -> str:
     if name == BRANCH:
         return "reading: falling (left) or rising (right)"
     lowest, highest = (f"{float(f'{end:.3g}'):g}" for end in (low, high))
-    said = "time since the last hold" if name == SINCE_REST else name.replace("_", " ")
+    said = "time since the command was constant" if name == SINCE_REST else name.replace("_", " ")
     return f"{said}: {lowest} to {highest} {unit}".rstrip()
 
 

@@ -137,5 +137,5 @@ def test_the_operating_region_is_drawn_with_units_and_a_marker_for_each_signal()
     assert drawn["command"].get_label() == "command: 1 to 2 V"
     assert drawn["y"].get_label() == "y: -12000 to 5000"
     assert drawn["reading"].get_label() == "reading: falling (left) or rising (right)"
-    assert drawn["time since the last hold"].get_label().endswith(" s")
+    assert drawn["time since the command was constant"].get_label().endswith(" s")
     assert len({bars[0].get_marker() for bars in drawn.values()}) == len(drawn) == 5
