@@ -124,7 +124,7 @@ def test_the_page_shows_what_fails(
     assert "fails, " in page and "passes" in page
     rows = {row["measure"]: row["passed"] for row in result["measures"]}
     assert not any(passed for measure, passed in rows.items() if "correlation tests" in measure)
-    assert f"{sum(rows.values())} of {len(rows)} measures reached" in page
+    assert f"{sum(rows.values())} of {len(rows)} goals reached" in page
     method = module.PROGRAMME.methods[-1]
     for number in range(1, 7):
         loaded = NarxModel.load(tmp_path / f"models/dea{number}_{method.lower()}.json")

@@ -149,7 +149,7 @@ def test_the_page_says_who_differs_and_who_drifts(setting: Setting, tmp_path: Pa
     )
     assert json.loads((tmp_path / "frequency-uncertainty.json").read_text(encoding="utf-8")) == result
     rows = {row["measure"]: row["passed"] for row in result["measures"]}
-    assert f"{sum(rows.values())} of {len(rows)} measures reached" in page
+    assert f"{sum(rows.values())} of {len(rows)} goals reached" in page
     shares = [share for share, _ in told]
     assert shares == sorted(shares) and 0 <= shares[0] and shares[-1] <= 1
 

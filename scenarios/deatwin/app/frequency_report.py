@@ -124,7 +124,8 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
             yield _drawn(figure, folder, _stem(response), title, caption)
     for response in found.gfrfs[len(found.linear) :]:
         title = f"Frequency response {symbol_of(response)} of order {response.order} over two frequencies"
-        caption = f"Gain in dB. {at}.{_hatching(response)}"
+        others = "" if response.order == 2 else ", with the other frequencies in the middle of the band"
+        caption = f"Gain in dB over two frequencies of the input, f₁ and f₂{others}. {at}.{_hatching(response)}"
         if len(set(response.inputs)) > 1:
             caption += f" Cross kernel: the frequencies are those of {', '.join(response.inputs)}, in this order."
         with draw((6.4, 4.8)) as figure:
@@ -144,7 +145,7 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
             caption = (
                 f"Gains of the NOFRFs for a test signal from {written(found.ranges_Hz[0])} Hz{bands}. {at}."
                 f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The dotted truncation error is the "
-                "largest error that higher orders may cause. If it is as large as the gain, the gain is unknown."
+                "largest error that higher orders may cause. Where this error is as large as the gain, the gain is unknown."
             )
             drawing = _drawn(figure, folder, "nofrf", "Nonlinear output frequency responses (NOFRFs)", caption)
             yield replace(drawing, data=data, further=tuple(further))
@@ -198,9 +199,9 @@ def _orders_for_reading(found: Nofrf) -> Nofrf:
 
 def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     messages = [line for line in found.lines if line not in found.caveats]
-    orders = "order 1" if found.order == 1 else f"orders 1 to {found.order}"
+    orders = {1: "order 1", 2: "orders 1 and 2"}.get(found.order, f"orders 1 to {found.order}")
     ranges = Table(
-        title="Frequencies at which each order contributes to the output",
+        title=f"Output frequencies of each order, for an input from {written(found.ranges_Hz[0])} Hz",
         columns=["order", "frequencies (Hz)"],
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
     )
@@ -234,7 +235,7 @@ _UNTESTED: Mapping[ValidationStatus | None, str] = {
 def _reliance(known: Reliance) -> Measure:
     """Name the residual tests that failed on held-out data, and the other caveats."""
     count = len(known.failed)
-    tests = f"{count} test{'s' if count > 1 else ''} ({', '.join(known.failed)})" if count else ""
+    tests = f"{count} failed test{'s' if count > 1 else ''} ({', '.join(known.failed)})" if count else ""
     found = [
         _UNTESTED.get(known.status, tests),
         "a biased gain" if known.biased else "",

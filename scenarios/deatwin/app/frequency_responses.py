@@ -25,6 +25,7 @@ from deatwin.ident.narx.excited import BAND_KEY, number_of
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import ModelError
 from deatwin.plant.prefixes import with_unit
+from deatwin.studies.report.words import listed
 
 Array = NDArray[np.float64]
 
@@ -123,9 +124,11 @@ class Responses:
             yield "the model has no covariance of its parameters, so its responses have no confidence bands"
         if point.outputs.size > 1:
             output_unit = self.model.output_units[0]
-            others = ", ".join(
-                f"{with_unit(y, output_unit)} ({'stable' if stable else 'unstable'})"
-                for y, stable in zip(point.outputs, point.stable, strict=True)
+            others = listed(
+                [
+                    f"{with_unit(y, output_unit)} ({'stable' if stable else 'unstable'})"
+                    for y, stable in zip(point.outputs, point.stable, strict=True)
+                ]
             )
             yield (
                 f"at this input the model has several equilibria, with the outputs {others}; the responses hold only for the "
@@ -146,7 +149,9 @@ class Responses:
                 + ("; the confidence band of H₁ does not include the error of extrapolation" if self.banded else "")
             )
         for order, bands in enumerate(self.ranges_Hz[1:], start=2):
-            yield f"order {order} contributes to the output only at {written(bands)} Hz"
+            yield (
+                f"an input from {written(self.ranges_Hz[0])} Hz causes an output of order {order} only from {written(bands)} Hz"
+            )
         for response in self.gfrfs:
             share = float(np.mean(~response.band(self.level).linear_law))
             if share > 0:
@@ -367,7 +372,7 @@ def _truncated(found: Nofrf) -> Iterator[str]:
         if share > 0:
             yield (
                 f"at {100 * share:.0f} % of the frequencies, orders that were not fitted may cause more than "
-                f"{100 * UNKNOWN:.0f} % of the gain of {symbol_of(g)}"
+                f"{100 * UNKNOWN:.0f} % of the gain of the NOFRF {symbol_of(g)}"
             )
 
 

@@ -165,7 +165,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
 
 def _beside(found: Identified) -> str:
     """Return the largest error of the linear models, as the end of a sentence."""
-    return f", and the error of a linear model is {found.amount(max(found.linear))} rms" if found.linear else ""
+    return f"; a linear model has an error of {found.amount(max(found.linear))} rms" if found.linear else ""
 
 
 def linear_errors(
@@ -234,7 +234,7 @@ def _terms(model: NarxModel) -> Drawing:
         axes.set(xscale="log", xlabel="|parameter| / standard deviation", ylim=(-0.6, order.size - 0.4))
         plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)
         figure.legend(loc="outside upper left")
-        caption = "Significance of each term of the model: the parameter of the term divided by its standard deviation."
+        caption = "Significance of each term of the model: the magnitude of its parameter, divided by the standard deviation of the parameter."
         return Drawing.of(figure, "terms", "Terms", caption, drawn_table(figure))
 
 
@@ -242,7 +242,11 @@ def _tests(validation: Validation) -> Drawing:
     drawn = [t for t in validation.tests if t.output == 0 and t.name != "ee'" and t.other in (None, 0)]
     with draw((7.4, 1.7 * len(drawn))) as figure:
         validation.plot(list(figure.subplots(len(drawn), 1, squeeze=False)[:, 0]))
-        caption = "Correlations of the one-step residual e with itself and with the input u. Noise alone stays in the grey range in 95 % of all cases."
+        caption = (
+            "Correlations of the one-step residual e with itself and with the input u. Ochre marks values outside the grey range; "
+            "noise alone stays in this range at 95 % of the lags. A test judges all lags together, and may therefore pass although "
+            "some values lie outside."
+        )
         return Drawing.of(figure, "tests", "Residual tests", caption, drawn_table(figure))
 
 

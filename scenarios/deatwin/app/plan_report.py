@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from deatwin.ident.mismatch import INPUT_FILE, ExperimentPlan, Foreseen
-from deatwin.plant.amplitudes import amount, written_unit
+from deatwin.plant.amplitudes import amount, axis_label, written_unit
 from deatwin.plant.prefixes import with_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
-from deatwin.studies.report.quantities import three_digits
+from deatwin.studies.report.quantities import raised, three_digits
 from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
-from deatwin.studies.report.words import as_sentence
+from deatwin.studies.report.words import as_sentence, listed
 
 
 def write_plan(found: ExperimentPlan, folder: ResultFolder, record: RunRecord) -> None:
@@ -37,8 +37,9 @@ def _drawings(found: ExperimentPlan, folder: ResultFolder) -> Iterator[Drawing]:
         axes.legend(markerscale=1, loc="lower left", bbox_to_anchor=(0.0, 1.0))
         folder.text("figures/visible.svg", standalone(figure))
         caption = (
-            "Smallest change of the reading that is detected, and typical change, for each effect. If the typical change is "
-            "smaller, this input does not reveal the effect."
+            "For each effect, the smallest change of the reading that is detected, and the change that the effect causes at its "
+            "typical strength. This input does not reveal an effect whose change at the typical strength is smaller than the "
+            "smallest detected change."
         )
         yield Drawing.of(figure, "visible", "What the input would show", caption, "\n".join([header, *rows, ""]))
 
@@ -51,13 +52,11 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
         {
             "effect": lambda one: _words(one.effect),
             "smallest detected strength": _least,
-            "typical strength": lambda one: with_unit(one.typical, one.unit),
-            f"rms change of the reading at the typical strength{f', {unit}' if unit else ''}": lambda one: three_digits(
-                one.change
+            "typical strength": lambda one: raised(with_unit(one.typical, one.unit)),
+            axis_label("change of the reading at the typical strength", f"{unit} rms" if unit else ""): lambda one: (
+                three_digits(one.change)
             ),
-            "not distinguished from": lambda one: (
-                ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not detected")
-            ),
+            "at the typical strength": _outcome,
         },
     )
     tables = [table]
@@ -104,10 +103,10 @@ def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
         "All parameters of the model are refitted together with each effect."
     )
     yield (
-        "An effect counts as detected on two conditions: the diagnosis is expected to give it a probability of at least 95 %, "
-        "and the change that it causes in the reading is larger than the model error even after all parameters are refitted. "
-        "Two effects count as not distinguished if, in more than 2.3 % of all recordings, the wrong effect would fit better than "
-        "the right one at some strength and with some time constants."
+        "An effect counts as detected if the diagnosis is expected to give it a probability of at least 95 %, and if it changes "
+        "the reading by more than the model error even after all parameters are refitted. Two effects count as not "
+        "distinguished if the wrong effect, with suitable parameters, would fit better than the right effect in more than 2.3 % "
+        "of all recordings."
     )
     if found.impossible:
         yield f"The model could not be simulated with {', '.join(map(_words, found.impossible))}."
@@ -118,4 +117,10 @@ def _words(name: str) -> str:
 
 
 def _least(one: Foreseen) -> str:
-    return "at no strength" if one.smallest is None else with_unit(one.smallest, one.unit)
+    return "at no strength" if one.smallest is None else raised(with_unit(one.smallest, one.unit))
+
+
+def _outcome(one: Foreseen) -> str:
+    if not one.visible:
+        return "not detected"
+    return f"not distinguished from {listed(list(map(_words, one.alike)))}" if one.alike else "detected"

@@ -160,9 +160,9 @@ def test_the_margins_at_the_operating_point_stand_beside_their_linearised_limits
     part = text[text.index('aria-label="Margins of the model at the operating point"') :].partition("</table>")[0]
     heads = re.findall(r'<th scope="col"[^>]*>([^<]*)</th>', part)
     rows = [re.findall(r"<td[^>]*>([^<]*)</td>", row) for row in part.split("<tr>")[2:]]
-    shown = {row[0]: row[heads.index("lower 95 % limit, linearised")] for row in rows}
+    shown = {row[0]: row[heads.index("lower end of the 95 % interval, linearised")] for row in rows}
     lows = band.gain_low, band.phase_low_deg, band.delay_low / check.operating.sample_time, band.disk_low
-    for name, low in zip(("gain", "phase", "delay", "disk"), lows, strict=True):
+    for name, low in zip(("gain", "phase", "delay (samples)", "disk"), lows, strict=True):
         assert float(re.split("[° \xa0]", shown[name])[0]) == pytest.approx(low, rel=5e-3), name
     assert "Margins of the model, linearised" in text
 

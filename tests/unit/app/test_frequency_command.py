@@ -123,12 +123,12 @@ def test_all_orders(
     assert set(validate("run", folder / "run.json")["outputs"]) == FILES
     said = capsys.readouterr().out
     assert (
-        "order 2 contributes to the output only at 0 to 2 Hz" in said
-        and "order 3 contributes to the output only at 0 to 3 Hz" in said
+        "an input from 0 to 1 Hz causes an output of order 2 only from 0 to 2 Hz" in said
+        and "an input from 0 to 1 Hz causes an output of order 3 only from 0 to 3 Hz" in said
     )
     assert re.search(
         r"NOFRFs of orders 1 to 3: \d+ orders were fitted to outputs for test signals of up to 1 V \(condition number of the "
-        r"fit: [\d.]+\); the test signal and its amplitudes suit these orders\n",
+        r"fit: [\d.]+\); the test signal and its amplitudes suit the requested orders\n",
         said,
     )
 
@@ -251,7 +251,7 @@ def test_what_fails_is_said_plainly() -> None:
     unstable = {"y(k-1)": 1.2, "u(k)": 0.4, "y(k-1)^3": -0.3}  # rests at 0, and at +- sqrt(2/3), which is stable
     said = " / ".join(respond(model_of(unstable), 2).lines)
     assert "the operating point is unstable" in said
-    assert "the outputs -816 mm (stable), 0 m (unstable), 816 mm (stable); the responses hold only for the" in said
+    assert "the outputs -816 mm (stable), 0 m (unstable) and 816 mm (stable); the responses hold only for the" in said
     wild = replace(model_of(SQUARE), theta_cov=np.diag([0.0, 0.04, 0.0]))  # H_1 is known to 50 %
     assert "the band of H₁ is unreliable at 100 % of the frequencies" in " / ".join(respond(wild, 1).lines)
     unknown = replace(model_of(SQUARE), operating=None)
@@ -296,7 +296,7 @@ def test_the_next_step_names_check_only_for_a_model_that_check_takes(two_inputs:
     ("known", "said"),
     [
         (Reliance(status=ValidationStatus.PASSED), "none"),
-        (Reliance(status=ValidationStatus.NOISE, failed=("ee",)), "1 test (ee)"),
+        (Reliance(status=ValidationStatus.NOISE, failed=("ee",)), "1 failed test (ee)"),
         (
             Reliance(
                 status=ValidationStatus.STRUCTURE,
@@ -304,7 +304,7 @@ def test_the_next_step_names_check_only_for_a_model_that_check_takes(two_inputs:
                 gain_error=0.2,
                 gain_error_half_width=0.1,
             ),
-            "4 tests (ee, ue, u2e, u2e2), a biased gain",
+            "4 failed tests (ee, ue, u2e, u2e2), a biased gain",
         ),
         (Reliance(status=ValidationStatus.STRUCTURE), "residual tests, as stated above"),  # a file without their names
         (Reliance(status=None, samples_per_parameter=2.0), "not tested, the remarks above"),

@@ -42,6 +42,7 @@ from deatwin.ident.mismatch.result import (
     IndistinguishablePair,
     OriginSummary,
     Output,
+    ShapeSummary,
     Statistic,
     TermSummary,
     UnseenErrors,
@@ -97,8 +98,8 @@ def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_
     page = page_of(replace(made, location=LocationSummary(time=(), frequency=(), region=(), place=places)), tmp_path)
     cells = [re.sub("<[^>]*>", "", cell) for cell in re.findall("<td.*?</td>", page)]
     rows = dict(pairwise(cells))
-    assert rows["film: permittivity"] == "effect: 0 %, signals: 66 %"
-    assert (rows["ball"], rows["sensor"]) == ("signals: 50 %", "effect: 30 %")
+    assert rows["film: permittivity"] == "0 % explained by an effect, 66 % predicted from signals"
+    assert (rows["ball"], rows["sensor"]) == ("50 % predicted from signals", "30 % explained by an effect")
     assert [c for c in cells if c in ("film: permittivity", "ball", "sensor")] == [
         "film: permittivity",
         "ball",
@@ -224,7 +225,15 @@ def with_everything() -> Diagnosis:
             before=10.2,
             after=4.41,
             gain_low=5.0,
-            terms=(TermSummary(term="x v", coefficient=-0.0123, unit="N s/m2", inclusion=0.94),),
+            terms=(
+                TermSummary(
+                    term="x^2 beyond a dead band",
+                    coefficient=-0.0123,
+                    unit="N s/m2",
+                    shape=ShapeSummary(name="width", value=1.76e-5, unit="m"),
+                    inclusion=0.94,
+                ),
+            ),
         ),
         indistinguishable=(IndistinguishablePair(effects=("creep", "delay"), d2=9.1),),
         forms=(
@@ -266,8 +275,9 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "After a refit to all recordings, the error beyond sensor noise is smaller than this limit",
         "film: stiffness",
         "1234",
-        "creep and delay (9.10)",
-        "x v",
+        "cannot distinguish the chosen explanation from delay (d² = 9.10).",
+        "x² beyond a dead band (half-width: 17.6 µm)",
+        "<td>N s/m²</td>",
         "-0.0123",
         "94 %",
         "at the ball",
@@ -275,18 +285,18 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "ball = sliding",
         "as the rig file states",
         "12.6",
-        "a placebo effect (creep with the opposite sign) fits as well as creep itself",
-        "the explanation raises the error on a part of the held-out data: lowest amplitudes",
+        "A placebo effect (creep with the opposite sign) fits as well as creep itself",
+        "The explanation raises the error on a part of the held-out data: lowest amplitudes.",
         "6.78",
         "97 %",
         "3.12 %",
         "not tested: it hardly differs",
         "-126 ± 8 %",
         "not determined",
-        "0 to 49.99 s after the command last rested",
+        "0 to 49.99 s after the command was last constant",
         "displacement rate from -332 to 326 µm/s",
         "<td>falling reading</td>",
-        "the strength of creep is not constant: in a fit that lets it vary, it changes by -126 % over the fitted data",
+        "The strength of creep is not constant: in a fit that lets it vary, it changes by -126 % over the fitted data",
     )
     for text in shown:
         assert text in page, text
@@ -333,12 +343,12 @@ EXPLANATIONS = {
         ),
         (
             Verdict.UNKNOWN,
-            "the error beyond sensor noise is 0.340 µm rms, and errors below 1.19 µm rms do not count as a mismatch; the best single effect "
-            "or signal accounts for 34 % of the mismatch.",
+            "the error beyond sensor noise is 0.340 µm rms, and errors below 1.19 µm rms do not count as a mismatch; no single effect or "
+            "signal accounts for more than 34 % of the mismatch.",
         ),
         (
             Verdict.DISTURBANCE,
-            "2 % of the power of the mismatch repeats with the command (with its uncertainty, at most 9 %), but missing physics is diagnosed only if at least 30 % repeats.",
+            "2 % of the power of the mismatch repeats with the command (upper limit: 9 %), and missing physics is diagnosed only if at least 30 % repeats.",
         ),
         (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are faulty, and at most 10 are accepted."),
         (

@@ -378,7 +378,7 @@ def test_a_location_draws_a_panel_of_each_side_where_it_is_told_or_in_new_axes()
     labels = [axes.get_xlabel() for axes in found]
     assert labels[-1] == "difference of the response over that of the plant (%)"
     assert [bar.get_width() for bar in found[-1].patches] == [30.0]
-    assert labels[-2] == "lines of a period of 4 s"
+    assert labels[-2] == "harmonics of the input, which has a period of 4 s"
     assert len(found[0].figure.axes) == len(found) == 6
     assert LOCATION.plot(found) == found
     with pytest.raises(ValueError, match="argument 2 is longer"):

@@ -41,7 +41,7 @@ def test_a_story_ends_with_page_figures_result_and_record(tmp_path):
     assert result["tables"] == [{"title": "All", "columns": ["a"], "rows": [["1"]]}]
     assert json.loads((tmp_path / "tale.json").read_text()) == result
     assert result["measures"][0] == {"measure": "error", "demanded": "below 1e-06", "reached": "2e-09", "passed": True}
-    assert reached(rows) == "1 of 2" and page.label == "1 of 2 measures reached" and not page.passed
+    assert reached(rows) == "1 of 2" and page.label == "1 of 2 goals reached" and not page.passed
     assert (tmp_path / "figures/words.csv").read_text() == "who\na\n"
     assert (tmp_path / "figures/line.csv").read_text() == "x_m\n0.0\n1.0\n"
     outputs = json.loads((tmp_path / "run.json").read_text())["outputs"]

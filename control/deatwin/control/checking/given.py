@@ -173,8 +173,8 @@ def integral_only(controller: Controller) -> tuple[str, ...]:
     if gains is None or gains.proportional:
         return ()
     return (
-        "the controller has no proportional part, because the model's lag is shorter than the closed-loop time of "
-        f"{controller.closed_loop_time:.2g} s",
+        "the controller has no proportional part, because the time constant of the model is shorter than the closed-loop "
+        f"time, {controller.closed_loop_time:.2g} s",
     )
 
 

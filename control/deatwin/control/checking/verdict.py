@@ -112,9 +112,14 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
             "steady-state error",
             steps.steady_error,
             spec.steady_error,
-            f"the output differs from the reference by {off} of the step at the end of a step",
+            f"the mean error in the last third of a step is {off} of the height of the step",
         ),
-        ("ripple", steps.ripple, spec.ripple, f"the output still oscillates by {moves} of the step long after a step"),
+        (
+            "ripple",
+            steps.ripple,
+            spec.ripple,
+            f"the rms ripple in the last third of a step is {moves} of the height of the step",
+        ),
         (
             "saturation",
             saturated,

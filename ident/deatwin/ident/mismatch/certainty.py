@@ -124,7 +124,7 @@ def _unknown(diagnosis: Diagnosis) -> str:
     best = max((max(place.score, place.explained or 0.0) for place in located), default=None)
     effect = ""
     if best is not None:
-        effect = f"the best single effect or signal accounts for {100 * best:.0f} % of the mismatch"
+        effect = f"no single effect or signal accounts for more than {100 * best:.0f} % of the mismatch"
     return "; ".join(filter(None, [_beyond_noise(diagnosis), effect]))
 
 
@@ -135,8 +135,8 @@ def _disturbance(diagnosis: Diagnosis) -> str:
     repeats = origin.by == "repeats"
     what = "repeats with the command" if repeats else "can be predicted from command and motion"
     return (
-        f"{_estimated(origin.share)} % of the power of the mismatch {what} (with its uncertainty, at most "
-        f"{_estimated(origin.high)} %), but missing physics is diagnosed only if at least "
+        f"{_estimated(origin.share)} % of the power of the mismatch {what} (upper limit: "
+        f"{_estimated(origin.high)} %), and missing physics is diagnosed only if at least "
         f"{100 * (FOREIGN if repeats else UNPREDICTED):g} % {'repeats' if repeats else 'can be predicted'}"
     )
 

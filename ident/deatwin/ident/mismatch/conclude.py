@@ -35,6 +35,7 @@ from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.effects.base import Alone, Effect
+from deatwin.plant.effects.titles import effects_in_words
 from deatwin.plant.model import Plant
 
 MARGIN = 0.05
@@ -122,7 +123,7 @@ def _held_back(findings: Findings) -> Iterator[str]:
     held = [c for c in alone if takes_most(c, naming.base) and suffices(c, naming.base) and held_back_by(c)]
     for candidate in sorted(held, key=lambda c: -c.evidence)[:1]:
         yield (
-            f"{candidate.effects[0]} would explain the recordings, but only with {', '.join(held_back_by(candidate))} "
+            f"{effects_in_words(candidate.effects[0])} would explain the recordings, but only with {', '.join(held_back_by(candidate))} "
             "outside the allowed range"
         )
 
@@ -136,8 +137,8 @@ def _hardly_shown(findings: Findings) -> Iterator[str]:
         and not shows_its_cycles(best, findings.problem.everything)
     ):
         yield (
-            f"{'+'.join(best.effects)} could explain the recordings, but less than a quarter of its cycle was recorded, and so "
-            "short a part cannot be distinguished from any other slow change"
+            f"{effects_in_words(' and '.join(best.effects))} could explain the recordings, but less than a quarter of a cycle was recorded, and so short a "
+            "part of a cycle cannot be distinguished from any other slow change"
         )
 
 
@@ -150,8 +151,8 @@ def _doubtful_values(findings: Findings) -> Iterator[str]:
         if name in nominal and is_wrong(fitted[name], nominal[name]):
             found, known = (amount(number(p.value), p.unit) for p in (fitted[name], nominal[name]))
             yield (
-                f"the fitted {name.replace('_', ' ')}, {found}, is far from its nominal value, {known}: measure it if you "
-                "can, because missing physics can hide behind a parameter, such as a lag behind a damping"
+                f"the fitted {name.replace('_', ' ')}, {found}, is far from its nominal value, {known}: measure this parameter "
+                "if you can, because missing physics can change a fitted value, as a lag changes that of a damping"
             )
 
 
@@ -160,14 +161,14 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
     naming = findings.naming
     if not findings.named or naming.best is None:
         return
-    near = {distance.effects[1]: distance.d2 for distance in naming.distances if distance.d2 < DISTINGUISHED}
+    near = {distance.effects[1] for distance in naming.distances if distance.d2 < DISTINGUISHED}
     known = {"+".join(alternative.effects) for alternative in naming.alternatives}
     for other in naming.candidates:
         name = "+".join(other.effects)
         if name in near and name not in known and not is_possible(other, naming.best):
             yield (
-                f"{_in_words(other)} would fit these recordings as well (squared distance d² = {near[name]:.2g}), "
-                "but only at an unusual strength, so this explanation does not count as an alternative"
+                f"these recordings could also be explained by {_in_words(other)}, but only with an unusual strength, so this "
+                "explanation does not count as an alternative"
             )
 
 

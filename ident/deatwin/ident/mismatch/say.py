@@ -254,7 +254,7 @@ def _in(region: Region, diagnosis: Diagnosis) -> str:
     span, signal = " to ".join(number(end) for end in ends(region)), spaced(region.signal)
     article = "an" if signal[:1].lower() in "aeio" else "a"
     return (
-        f"from {span} s after the command last rested"
+        f"from {span} s after the command was last constant"
         if region.signal == SINCE_REST
         else f"at {article} {signal} from {span} {unit_of(region.signal, diagnosis)}".rstrip()
     )
@@ -291,9 +291,9 @@ def _where(diagnosis: Diagnosis) -> list[str]:
         "" if band is None else f"most of the power of the mismatch is {_at(band)}",
         ""
         if region is None
-        else f"the mean error is largest, {_size(region.mean_residual, diagnosis)}, {_in(region, diagnosis)}",
-        f"if the readings are sound, look for the cause at the {' or the '.join(best)} first, because signals there predict "
-        "the mismatch best"
+        else f"the mean residual is largest in magnitude, {_size(region.mean_residual, diagnosis)}, {_in(region, diagnosis)}",
+        f"if the readings are sound, first look for the cause at the {' or the '.join(best)}, because the signals there "
+        "predict the mismatch best"
         if best
         else "",
     ]
@@ -306,8 +306,8 @@ def _when(found: LocationSummary, diagnosis: Diagnosis) -> str:
         return ""
     if longest.score <= HALF:
         return "the mismatch is spread over the recordings"
-    share = f"{100 * longest.score:.0f} % of the mismatch between model and recordings"
-    return f"{share} lies {_between(longest)}{_recorded(longest, diagnosis)}"
+    share = f"{100 * longest.score:.0f} % lies {_between(longest)}{_recorded(longest, diagnosis)}"
+    return f"of the mismatch between model and recordings, {share}"
 
 
 def _recorded(window: Window, diagnosis: Diagnosis) -> str:

@@ -46,7 +46,7 @@ class Verdict(Enum):
 
 _ADVICE: Mapping[Verdict, str] = {
     Verdict.NONE: (
-        "use the calibrated model within the range and frequencies of these inputs; report.html lists how large "
+        "use the calibrated model within the range and frequencies of these inputs; the report lists how large "
         "each effect could still be without being detected"
     ),
     Verdict.PARAMETERS: "use the calibrated model within the range and frequencies of these inputs",

@@ -103,7 +103,7 @@ def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
         if view.check.sine_predicted is not None and error.size:
             size = np.sqrt(2.0) * view.check.sine_predicted / view.size
             for sign in (1.0, -1.0):
-                label = "predicted amplitude" if sign > 0 else "_"
+                label = "predicted amplitude of the error" if sign > 0 else "_"
                 middle.axhline(sign * size, color=Hue.AFTER, linestyle="--", linewidth=0.9, label=label)
             caption += (
                 f" The identified model predicts an rms error of {view.check.sine_predicted / view.size:.3g} {unit}".rstrip()
@@ -298,11 +298,9 @@ def _draw_rows(
         columns = 3 if max(map(len, handles[1])) < _LONG else 2
         figure.legend(*handles, loc="outside upper left", ncols=columns, markerscale=1)
         samples = max((row.samples for found in rows.values() for row in found), default=1)
-        caption = "Lines show the margins of each model at its estimated parameters."
+        caption = "Lines with dots show the margins of each model at its estimated parameters."
         if samples > 1:
-            caption += (
-                " The verdict uses the thin lines: 97.5 % of the models drawn from the posterior have larger margins."
-            )
+            caption += " The verdict uses the thin lines without dots: 97.5 % of the models drawn from the posterior have larger margins."
         caption += " A point on the upper edge of a panel is an infinite margin, or one too large for the axis. A point on the lower edge means that the closed loop is unstable."
         return Drawing.of(figure, name, title, caption, _columns(rows, place, column, measures))
 

@@ -151,7 +151,11 @@ def _limits(finding: Finding, subject: str, kind: _Kind, view: View) -> tuple[st
         if finding.verdict is Verdict.MARGINAL and finding.value is not None and finding.value <= band:
             return "in no gap", "in a gap"
         return f"≤ {kind.asked(band)}", "beyond"
-    return ("none", "only at the limits") if subject == "film" else ("–", "–")
+    return {
+        "film": ("none", "only at the limits"),
+        "training data": ("inside", "beyond"),
+        "width of the prediction": (f"≤ {view.specification.width.good:g} times", "wider"),
+    }.get(subject, ("–", "–"))
 
 
 _percent = partial(_Kind, unit=" %", scale=100.0)
@@ -177,6 +181,8 @@ _KINDS: Mapping[str, _Kind] = {
     "gain margin on the plant": _Kind(group=_OF_RUNS, form=".2g", unit=" times", limit="gain"),
     "model in closed loop": _percent(group="Prediction", limit="diverged"),
     "prediction": _percent(group="Prediction", limit="inside"),
+    "width of the prediction": _Kind(group="Prediction", form=".2g", unit=" times"),
+    "training data": _Kind(group="Excitation"),
     "film": _Kind(group="Film", form=".0f", unit=" actuators"),
     "limit cycle": _percent(group="Limit cycles", limit="limit_cycle"),
     "unstable limit cycle": _percent(group="Limit cycles", limit="safe_region"),
@@ -311,7 +317,7 @@ def _margins_here(view: View) -> list[tuple[str, ...]]:
     kinds = (
         ("gain", "gain", "gain_low", spec.gain, 1.0, ""),
         ("phase", "phase_deg", "phase_low_deg", spec.phase_deg, 1.0, "°"),
-        ("delay", "delay", "delay_low", spec.delay_samples, h, " samples"),
+        ("delay (samples)", "delay", "delay_low", spec.delay_samples, h, ""),
         ("disk", "disk", "disk_low", spec.disk, 1.0, ""),
     )
     return [

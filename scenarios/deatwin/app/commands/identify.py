@@ -221,7 +221,7 @@ def identify(
             report_of(
                 Identified(
                     model=model,
-                    told=f"A NARX model of {len(model.terms)} terms ({method})",
+                    told=f"A NARX model of {len(model.terms)} terms (method {method})",
                     unseen=unseen,
                     tested=tested,
                     complete=complete,

@@ -13,12 +13,12 @@ import numpy as np
 from deatwin.ident.mismatch import Verdict
 from deatwin.plant import Family, catalogue, effect_named
 from deatwin.plant.drawing import numbers_of_decades, plain_numbers
+from deatwin.plant.effects.titles import effects_in_words
 from deatwin.scenarios.concealed_physics.cases import KEY, OUTSIDE, REACH, VISIBLE
 from deatwin.scenarios.concealed_physics.results import Case, Goal, Opened
 from deatwin.studies.rates import Rate, brier_score, expected_calibration_error, reliability
 from deatwin.studies.report.drawing import Drawing, Hue, draw, standalone, titled
 from deatwin.studies.report.quantities import three_digits
-from deatwin.studies.report.rendering import plain
 from deatwin.studies.report.story import Table
 from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
@@ -125,10 +125,10 @@ def _each(cases: Sequence[Case], mark: Callable[[Case], str]) -> str:
 def _effects(study: Opened) -> Table:
     rows = []
     for name, cases in _grouped(study.of("effect"), lambda case: case.truth[0]).items():
-        concealed = ", ".join(dict.fromkeys(plain(m) for case in cases for m in case.mechanisms))
+        concealed = ", ".join(dict.fromkeys(effects_in_words(m) for case in cases for m in case.mechanisms))
         flags = ("detected", "inside", "first_right", "confidently_wrong")
         counts = [str(sum(getattr(case, flag) for case in cases)) for flag in flags]
-        rows.append([plain(name), concealed, str(len(cases)), *counts, _each(cases, _mark)])
+        rows.append([effects_in_words(name), concealed, str(len(cases)), *counts, _each(cases, _mark)])
     return WORDS.table("effects", rows)
 
 
@@ -175,7 +175,7 @@ def _outside(study: Opened) -> Table:
         unknown = sum(case.right_unknown for case in cases)
         counts = map(str, (len(cases), sum(case.detected for case in cases), unknown, stated.total()))
         which = ", ".join(f"{causes} {count}" for causes, count in stated.most_common())
-        rows.append([plain(name), *counts, which, _each(cases, mark)])
+        rows.append([effects_in_words(name), *counts, which, _each(cases, mark)])
     return WORDS.table("outside", rows)
 
 
@@ -218,7 +218,7 @@ def _reach() -> Table:
     rows = []
     for name in sorted(REACH, key=lambda name: (REACH[name], name in OUTSIDE, name)):
         effect, visible = KEY[name][0] if name in KEY else "outside the catalogue", REACH[name] >= VISIBLE
-        rows.append([plain(name), effect, three_digits(REACH[name]), "yes" if visible else "no"])
+        rows.append([effects_in_words(name), effect, three_digits(REACH[name]), "yes" if visible else "no"])
     return WORDS.table("reach", rows)
 
 

@@ -123,11 +123,11 @@ def _residual(view: _View, further: str = "") -> Drawing:
         name, which = f"residual_{further}" if further else "residual", further.replace("_", " ") or "reading"
         title = f"Residual of the {which} over time" if further else "Residual over time"
         svg = inline(figure, name, title)
-    caption = f"Measured minus simulated {which}. Grey marks held-out data, to which nothing was fitted."
+    caption = f"Measured minus simulated {which}. Grey marks held-out data, to which no parameter was fitted."
     if any("mismatch" in text for text in handles[1]):
         caption += (
-            " Ochre marks the intervals in which the residual exceeds sensor noise and model error. Each number is the share "
-            "of the mismatch in an interval, and a larger share is shaded more darkly."
+            " Ochre marks the intervals in which the residual exceeds sensor noise and model error. Numbers are shares of the "
+            "mismatch, and an interval with a larger share is darker."
         )
     data = f"figures/time_{further}.csv" if further else "figures/time.csv"
     return Drawing(name=name, title=title, caption=caption, svg=svg, data=data)
@@ -309,8 +309,8 @@ def _whole(view: _View) -> Drawing:
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
         svg = inline(figure, "whole", "All recordings and the simulations")
     caption = (
-        "All recordings and their simulations. The simulations receive only the command. Where the curves agree, the last "
-        "one hides the others."
+        "All recordings and their simulations. The simulations receive only the command. Where curves agree, the one drawn "
+        "last hides the others."
     )
     return Drawing(name="whole", title="All recordings", caption=caption, svg=svg, data="figures/time.csv")
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.certainty import how_sure, next_step, percent
-from deatwin.ident.mismatch.say import at_body, called, ranked, unit_of
+from deatwin.ident.mismatch.say import at_body, called, listed, ranked, unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.figures import LEAST_SHARE, drawings
-from deatwin.studies.report.quantities import with_interval
+from deatwin.studies.report.quantities import three_digits, with_interval
 from deatwin.studies.report.rendering import Origin, write_page
 from deatwin.studies.report.steps import forms, noise_source, parameters, shams, step_drawings
 
@@ -19,6 +19,13 @@ if TYPE_CHECKING:
 
 
 MOST_LINES = 6
+STATISTICS = {
+    "variance ratio": "mean square of the residual, divided by that of noise and model error",
+    "cumulative periodogram": "distance of the cumulative periodogram from that of noise",
+    "correlation with the command": "correlation of the residual with command or time",
+    "correlation of the square": "correlation of the squared residual with command or time",
+}
+"""Statistics of the residual in words, by their names in the file."""
 
 
 def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> None:
@@ -39,6 +46,8 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         certainty=how_sure(diagnosis),
         next_step=next_step(diagnosis),
         possible=_possible(diagnosis),
+        alike=_alike(diagnosis),
+        statistics=STATISTICS,
         unit=written_unit(unit),
         figures={figure.name: figure for figure in figures},
         steps=steps,
@@ -59,6 +68,12 @@ def _possible(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """Return the rows of the table of possible explanations, if there are several."""
     found = [(called(one.effects, diagnosis), percent(one.probability)) for one in ranked(diagnosis)]
     return found if len(found) > 1 else []
+
+
+def _alike(diagnosis: Diagnosis) -> str:
+    """Name the alternatives that the recordings cannot distinguish from the answer, with their d²."""
+    pairs = ((called(pair.effects[1].split("+"), diagnosis), pair.d2) for pair in diagnosis.indistinguishable)
+    return listed([f"{name} (d² = {three_digits(d2)})" for name, d2 in pairs])
 
 
 def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
@@ -83,19 +98,18 @@ def _located(found: LocationSummary | None) -> LocationSummary | None:
     )
 
 
-def _places(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+def _places(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
     """Return the rows of places with the shares that effects explain and signals predict, the largest share first."""
     places = diagnosis.location.place if diagnosis.location else ()
     rows = []
     for place in places:
         name = at_body(": ".join(filter(None, (place.place, place.signal))).replace("_", " "), diagnosis)
-        shares = {"signals": place.explained}
+        name = "a parameter of the model" if name == "parameter" else name
+        shares = {"predicted from signals": place.explained}
         if place.explained is None or _has_effect(place.place, diagnosis):
-            shares = {"effect": place.score, **shares}
+            shares = {"explained by an effect": place.score, **shares}
         known = {what: max(share, 0.0) for what, share in shares.items() if share is not None}
-        rows.append(
-            (max(known.values()), name, ", ".join(f"{what}: {100 * share:.0f} %" for what, share in known.items()))
-        )
+        rows.append((max(known.values()), name, [f"{100 * share:.0f} % {what}" for what, share in known.items()]))
     return [(name, shares) for _, name, shares in sorted(rows, key=lambda row: -row[0])]
 
 
@@ -127,7 +141,7 @@ def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "fitted": c.fitted / size,
             "unseen": c.unseen / size,
             "d2": c.d2,
-            "chosen": set(c.effects) == chosen,
+            "chosen": bool(causes) and set(c.effects) == chosen,
         }
         for c in diagnosis.candidates
     ]

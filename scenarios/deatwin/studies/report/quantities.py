@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from math import floor, log10
 
 from deatwin.ident.mismatch.certainty import percent
 from deatwin.ident.mismatch.conclude import MARGIN
 from deatwin.ident.mismatch.verdict import Interval
 from deatwin.plant.prefixes import prefixed, resolving
+
+_RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 
 
 def quantity(value: float, unit: str) -> str:
@@ -18,6 +21,16 @@ def quantity(value: float, unit: str) -> str:
     """
     factor, shown = prefixed(value, unit)
     return f"{_written(value / factor)} {shown}".rstrip()
+
+
+def raised(text: str) -> str:
+    """Write the powers in a unit or a term as raised digits, and ohm as its sign.
+
+    >>> raised("12.4 MN/m3"), raised("u'^2 5.12 s ago"), raised("1.2 Gohm")
+    ('12.4 MN/m³', "u'² 5.12 s ago", '1.2 GΩ')
+    """
+    powers = re.sub(r"(?<=[A-Za-z'])\^?([2-9])(?!\w)", lambda found: _RAISED[int(found[1])], text)
+    return re.sub(r"\b([pnµmkMG]?)ohm\b", r"\1Ω", powers)
 
 
 def three_digits(value: float | None) -> str:

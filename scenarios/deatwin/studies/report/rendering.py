@@ -14,10 +14,11 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.say import ends, risk
+from deatwin.plant.effects.titles import effects_in_words
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord, versions
 from deatwin.studies.report.drawing import COLOURS, Drawing
-from deatwin.studies.report.quantities import likely, three_digits
+from deatwin.studies.report.quantities import likely, quantity, raised, three_digits
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -106,18 +107,27 @@ def templates(package: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": three_digits, "risk": risk, "likely": likely, "plain": plain, "ends": ends}
+    environment.filters |= {
+        "number": three_digits,
+        "risk": risk,
+        "likely": likely,
+        "plain": effects_in_words,
+        "ends": ends,
+    }
+    environment.filters |= {"quantity": quantity, "raised": raised, "remark": remark}
     environment.finalize = unbroken
     return environment
 
 
-def plain(name: str) -> str:
-    """Write the name of an effect as words, with the place on which it acts.
+def remark(text: str) -> str:
+    """Write a remark as a sentence; a name at its beginning, such as that of a file, keeps its small letter.
 
-    >>> plain("sensor_drift_at_command_gain")
-    'sensor drift acting on the command gain'
+    >>> remark("the reading jumps"), remark("noise.csv: the reading jumps")
+    ('The reading jumps.', 'noise.csv: the reading jumps.')
     """
-    return name.replace("_at_", " acting on the ").replace("_", " ")
+    first = text.partition(" ")[0]
+    start = text[:1] if re.search(r"[._]", first) else text[:1].upper()
+    return f"{start}{text[1:]}."
 
 
 def unbroken(shown: Any) -> Any:

@@ -45,14 +45,16 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
     found["checked"] = (
         (WIDTH, 3.2),
         "The readings",
-        "The readings as recorded. Marks show jumps, and samples that are stuck, outlying, clipped or noisier than elsewhere.",
+        "The readings as recorded. Any jumps are marked, and so are samples that are stuck, outlying, clipped or noisier than "
+        "elsewhere.",
         lambda figure: findings.checked.plot(figure.add_subplot()),
     )
     found["detection"] = (
         (WIDTH, 8.4),
         "Tests of the residual",
-        "Spectrum, cumulative periodogram and correlations of the residual of the calibrated model. Noise alone exceeds the "
-        "limits in 1 % of all cases.",
+        "Residual of the calibrated model: its spectrum, its cumulative periodogram, and its correlations with time and with "
+        "functions of the command. The lag of each function grows from left to right. Noise alone exceeds a grey range in "
+        "1 % of all cases.",
         lambda figure: findings.detection.plot(list(figure.subplots(3, 1))),
     )
     if (location := findings.location) is not None:
@@ -60,36 +62,39 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
         found["region"] = (
             (WIDTH, 3.6),
             "The operating region",
-            "Mean residual (measured minus simulated) over each signal, from the lowest to the highest value of the signal.",
+            "Mean residual (measured minus simulated) over each signal. Bars show two standard errors of the mean.",
             lambda figure: location.region.plot(figure.add_subplot(), units),
         )
         if location.place.opened:
             found["place"] = (
                 (WIDTH, 4.2),
                 "Signals that predict the mismatch",
-                "Share of the mismatch that a regression without physics predicts from the signals at each place of the "
-                "measuring chain.",
+                "Share of the mismatch that a regression predicts from the signals at each place of the measuring chain, "
+                "without any physics.",
                 lambda figure: location.place.plot(figure.add_subplot()),
             )
         if (lines := location.lines) is not None:
             found["lines"] = (
                 (WIDTH, 3.4),
                 "Frequencies of the periodic input",
-                "Spectrum of the mismatch, at the frequencies that the periodic input contains and between them.",
+                "Rms residual at the harmonics of the periodic input. The first bars show the part that repeats in every "
+                "period, and the last bar shows the part that does not. A small p-value means that the part is unlikely to be due to chance.",
                 lambda figure: lines.plot(figure.add_subplot(), unit=location.unit),
             )
     if (discovery := findings.discovery) is not None:
         found["free_form"] = (
             (WIDTH, 4.0),
             "The formula without physics",
-            "A formula for the missing force as a function of the state, fitted to the recordings. The formula names no cause.",
+            "Signal that the model lacks, as estimated from the recordings and as given by the formula. The formula names no "
+            "cause.",
             lambda figure: discovery.plot(figure.add_subplot()),
         )
     if (advice := findings.advice) is not None:
         found["advice"] = (
             (WIDTH, 4.4),
             "The next experiment",
-            "The advised input, and the readings that each explanation predicts for this input.",
+            "The advised input (right axis), and how far the prediction of each explanation differs from that of the first "
+            "explanation (left axis).",
             lambda figure: advice.plot(figure.add_subplot()),
         )
     if findings.named:
@@ -98,8 +103,9 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
         found["verification"] = (
             (WIDTH, 1.3 + ROW * rows),
             "Errors on held-out data",
-            "Errors of simulations without and with the explanation, without one of its effects, and with a placebo in place "
-            "of an effect. A placebo must not fit as well as the real effect.",
+            "Errors before and after the explanation is added, on all held-out data and on parts of them. In the other rows, "
+            "one effect of the explanation is removed, or replaced by a placebo. A placebo must not fit as well as the real "
+            "effect.",
             lambda figure: held.plot(figure.add_subplot()),
         )
     return found

@@ -70,7 +70,7 @@ class StoryPage:
     @property
     def label(self) -> str:
         """Count the goals that are met, in words."""
-        return f"{reached(self.rows)} measures reached"
+        return f"{reached(self.rows)} goals reached"
 
 
 def reached(rows: Sequence[Measure]) -> str:

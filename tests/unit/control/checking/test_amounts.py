@@ -43,10 +43,12 @@ def test_sentences_on_runs_near_the_limits_hold_the_numbers():
     found = texts(0.4, sine_predicted=0.4 * 2**0.5 / 7.0)
     assert "plant model, the output overshoots by 80 % of the step (" in found["overshoot"]
     assert (
-        "plant model, the output differs from the reference by 40.0 % of the step at the end of a step"
+        "plant model, the mean error in the last third of a step is 40.0 % of the height of the step"
         in found["steady-state error"]
     )
-    assert "plant model, the output still oscillates by 40.0 % of the step long after a step" in found["ripple"]
+    assert (
+        "plant model, the rms ripple in the last third of a step is 40.0 % of the height of the step" in found["ripple"]
+    )
     assert (
         "plant model, the rms error on a slow sine is 7.00 times the error that the identified model predicts"
         in found["tracking"]
@@ -58,8 +60,8 @@ def test_sentences_on_runs_far_off_are_short_and_the_numbers_stay(size):
     found = {f.subject: f for f in judge_runs(off_by(size), 1e-3, Specification())}
     for subject, says in (
         ("overshoot", ", the output overshoots by more than 1000 % of the step ("),
-        ("steady-state error", "differs from the reference by more than 1000 % of the step"),
-        ("ripple", ", the output still oscillates by more than 1000 % of the step long after a step"),
+        ("steady-state error", "in the last third of a step is more than 1000 % of the height of the step"),
+        ("ripple", ", the rms ripple in the last third of a step is more than 1000 % of the height of the step"),
         (
             "tracking",
             ", the rms error on a slow sine is more than 100 times the error that the identified model predicts",

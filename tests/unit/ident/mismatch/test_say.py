@@ -344,8 +344,8 @@ def test_the_place_to_suspect_and_the_share_of_the_best_effect_or_signal_agree()
     )
     detected = replace(DETECTED, p_value=None)
     found = replace(DIAGNOSES["unknown"], detection=detected, location=replace(LOCATED, place=places))
-    assert "look for the cause at the drive first" in say(found)
-    assert how_sure(found) == "the best single effect or signal accounts for 66 % of the mismatch"
+    assert "first look for the cause at the drive, because" in say(found)
+    assert how_sure(found) == "no single effect or signal accounts for more than 66 % of the mismatch"
 
 
 def test_no_exponent_and_one_fact_in_each_sentence():
@@ -495,18 +495,19 @@ def test_a_refuted_explanation_and_a_free_form_are_no_causes():
 def test_an_unknown_mismatch_is_said_to_lie_where_and_what_to_suspect():
     assert (
         "(sensor noise: 2.0 µm rms). The mismatch is spread over the recordings. Most of the power of the mismatch is below "
-        "1.4 Hz. The mean error is largest, -6.7 µm, from 0.520 to 58.3 s after the command last rested. If the readings are "
-        "sound, look for the cause at the film first, because signals there predict the mismatch best."
+        "1.4 Hz. The mean residual is largest in magnitude, -6.7 µm, from 0.520 to 58.3 s after the command was last constant. If "
+        "the readings are sound, first look for the cause at the film, because the signals there predict the mismatch best."
     ) in DIAGNOSES["unknown, located"].sentence
     assert (
-        " 90 % of the mismatch between model and recordings lies between 118 and 240 s."
+        " Of the mismatch between model and recordings, 90 % lies between 118 and 240 s."
         in DIAGNOSES["unknown"].sentence
     )
     falling = Region(signal="branch", low=-1.0, high=0.0, mean_residual=9.1)
     other = replace(LOCATED, time=(), frequency=LOCATED.frequency[1:], region=(falling,), place=LOCATED.place[2:])
     said = made_up(Verdict.UNKNOWN, location=other).sentence
     assert said.endswith(
-        " Most of the power of the mismatch is from 5.2 to 9.7 Hz. The mean error is largest, 9.1 µm, while the reading falls."
+        " Most of the power of the mismatch is from 5.2 to 9.7 Hz. The mean residual is largest in magnitude, 9.1 µm, "
+        "while the reading falls."
     )
 
 
@@ -525,7 +526,7 @@ def test_the_recording_of_a_mismatch_is_named_if_there_are_several_and_its_clock
     diagnosis = made_up(Verdict.UNKNOWN, location=replace(LOCATED, time=(window,)))
     known = replace(diagnosis, readings=Readings(experiments=experiments, base=(), amended=None, unseen=()))
     between = "between 122 and 180 s" if len(set(starts)) > 1 else "between 5.0 and 9.0 s"
-    assert f" 90 % of the mismatch between model and recordings lies {between}{said}. Most" in say(known)
+    assert f" Of the mismatch between model and recordings, 90 % lies {between}{said}. Most" in say(known)
 
 
 def test_a_late_answer_within_the_timing_of_readings_is_said_with_its_time():
@@ -674,4 +675,4 @@ def test_only_a_diaphragm_has_a_ball(rig: Rig, body: str) -> None:
     assert f"the {body} moves against a dry friction of 12.0 mN" in say(named)
     best = replace(LOCATED, place=(PlaceSummary(place="ball", score=0.9, explained=0.9, among_best=True),))
     located = replace(DIAGNOSES["unknown"], location=best, base_model=model)
-    assert f"look for the cause at the {body} first" in say(located).lower() + next_step(located).lower()
+    assert f"first look for the cause at the {body}, because" in say(located).lower() + next_step(located).lower()

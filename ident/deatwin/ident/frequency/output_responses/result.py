@@ -37,7 +37,7 @@ class NofrfStatus(Enum):
     The value of each member is a message for the user.
     """
 
-    OK = "the test signal and its amplitudes suit these orders"
+    OK = "the test signal and its amplitudes suit the requested orders"
     UNSTABLE = (
         "the operating point is unstable: the output does not settle there; choose another operating input or "
         "identify again"

@@ -24,6 +24,7 @@ from deatwin.plant.datasets import (
     variable,
 )
 from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.effects.titles import effects_in_words
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
 
@@ -237,23 +238,28 @@ class Advice(Described):
         times = recording.timepts - recording.start
         apart = [(readings - self.predicted[0]) / size for readings in self.predicted]
         lines = [
-            ax.plot(times, left, color=f"C{k}", linewidth=0.9, label=name.replace("_", " "))[0]
+            ax.plot(times, left, color=f"C{k}", linewidth=0.9, label=effects_in_words(name.replace("+", " + ")))[0]
             for k, (name, left) in enumerate(zip(self.alternatives, apart, strict=True))
         ]
         band = ax.axhspan(-self.noise / size, self.noise / size, color="0.9", zorder=0, label="sensor noise")
         ax.set_xlabel("time (s)")
-        ax.set_ylabel(axis_label(f"{self.output[0]}, predicted minus first", unit))
+        ax.set_ylabel(axis_label(f"difference of {self.output[0]}", unit))
         commands = ax.twinx()
         line = commands.plot(times, recording.inputs[0], color="0.5", linewidth=0.7, label="input")[0]
         low, high = ax.get_ylim()
         ax.set_ylim(low, high + 1.2 * (high - low))  # leaves the upper half of the drawing to the input
         span = float(np.ptp(recording.inputs[0])) or 1.0
         commands.set_ylim(float(recording.inputs[0].min()) - 1.4 * span, float(recording.inputs[0].max()) + 0.1 * span)
+        lowest, highest = recording.inputs[0].min() - 0.1 * span, recording.inputs[0].max() + 0.1 * span
+        commands.set_yticks([tick for tick in commands.get_yticks() if lowest <= tick <= highest])
+        commands.grid(False)
         commands.set_ylabel(axis_label(recording.input_names[0], recording.input_units[0]), color="0.4")
         ax.legend(handles=[*lines, band, line], loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False)
         before, after = _percent(self.confusion_before), _percent(self.confusion_after)
         load = "" if self.added_mass is None else f", {1e3 * self.added_mass:.3g} g added"
-        ax.set_title(f"{self.waveform}{load}\nconfusion {before} to {after}", fontsize="medium")
+        ax.set_title(
+            f"{self.waveform}{load}\nprobability of a wrong choice: {before} now, {after} afterwards", fontsize="medium"
+        )
 
 
 def _listed(names: tuple[str, ...]) -> str:

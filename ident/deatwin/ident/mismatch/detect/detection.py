@@ -240,8 +240,8 @@ def _spectrum(detection: Detection, axes: Axes) -> None:
     axes.set_xlabel("frequency (Hz)")
     axes.set_ylabel(f"power density ({f'{unit}²' if unit else 1}/Hz)")
     axes.set_title(
-        f"excess {amount(f'{detection.size / size:.3g}', unit)}, counts from "
-        f"{amount(f'{detection.practical / size:.3g}', unit)}",
+        f"error beyond sensor noise: {amount(f'{detection.size / size:.3g}', unit)} rms (counts as a mismatch from "
+        f"{amount(f'{detection.practical / size:.3g}', unit)})",
         fontsize="small",
         loc="left",
     )
@@ -256,13 +256,13 @@ def _cumulated(detection: Detection, axes: Axes) -> None:
     axes.plot(curves.lines, curves.cumulated, color="C0", linewidth=1.2, label="residual")
     axes.set_xlabel("frequency (Hz)")
     axes.set_ylabel("cumulative periodogram")
-    axes.set_title(f"p = {detection.p_value:.2g}, all statistics together", fontsize="small", loc="left")
+    axes.set_title(f"all statistics together: p = {detection.p_value:.2g}", fontsize="small", loc="left")
     axes.legend(fontsize="small", loc="lower right")
 
 
 def _correlations(detection: Detection, axes: Axes) -> None:
     curves = detection.curves
-    groups = [name.split(" ")[0] if " ago" not in name else name.rsplit(" ", 3)[0] for name in curves.regressors]
+    groups = [name if " ago" not in name else name.rsplit(" ", 3)[0] for name in curves.regressors]
     places = np.arange(len(groups))
     outside = np.abs(curves.correlations) > curves.bound
     axes.axhspan(-curves.bound, curves.bound, color="0.88", zorder=0, label="99 % range of noise alone")
@@ -278,6 +278,6 @@ def _correlations(detection: Detection, axes: Axes) -> None:
         axes.axvline(k - 0.5, color="0.8", linewidth=0.6)
     reach = 1.15 * max(1.3 * curves.bound, float(np.abs(curves.correlations).max()))
     axes.set_ylim(-reach, reach)
-    axes.set_xlabel("regressor; its lags from left to right")
-    axes.set_ylabel("correlation, standard deviations")
+    axes.set_xlabel("time t, command u, and its rate of change u'")
+    axes.set_ylabel("correlation / standard deviation")
     axes.legend(fontsize="small", loc="upper right")

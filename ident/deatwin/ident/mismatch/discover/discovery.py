@@ -42,7 +42,7 @@ SHOWN = {"m": ("mm", 1e-3), "m/s": ("mm/s", 1e-3), "N": ("mN", 1e-3)}
 BINS, FEWEST, BAND = 40, 5, 2.0
 """Number of bins of the band over the state, samples that a bin needs, and half width of the band in standard
 deviations."""
-NOT_PHYSICS = "free form, not physics"
+NOT_PHYSICS = "fitted formula, without physical meaning"
 WORDS = {
     "power": "{x}",
     "magnitude": "|{x}|",
@@ -204,9 +204,9 @@ class Discovery(Described):
         if self.latent is not None:
             seen = self.latent.counted
             mean, deviation = self.latent.mean[seen] / high, self.latent.deviation[seen] / high
-            ax.plot(state[seen], mean, ".", color="0.75", ms=5, zorder=1, label="smoothed from the recordings")
+            ax.plot(state[seen], mean, ".", color="0.75", ms=5, zorder=1, label="estimated from the recordings")
             middle, centre, half = _binned(state[seen], mean, deviation)
-            band = f"its mean and {BAND:g} standard deviations"
+            band = f"mean ± {BAND:g} standard deviations of the estimate"
             ax.fill_between(middle, centre - half, centre + half, color="C0", alpha=0.25, lw=0, zorder=2, label=band)
         ax.plot(state, self.entering / high, ".", color="C3", ms=2, zorder=3, label=NOT_PHYSICS)
         ax.set_xlabel(f"{self.terms[0].variable} ({across})")

@@ -22,6 +22,7 @@ from scipy.special import chdtrc, fdtrc
 
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
 from deatwin.ident.mismatch.located import LineGroup
+from deatwin.plant.amplitudes import axis_label, written_unit
 from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
@@ -36,6 +37,13 @@ SAME = 1e-6
 EXCITED = 1e-3
 """Share of the strongest line above which a line counts as excited."""
 FEWEST_PERIODS = 2
+WORDS = {
+    "excited": "in the input",
+    "odd": "odd, not in\nthe input",
+    "even": "even, not in\nthe input",
+    "varying": "all, differing\nbetween periods",
+}
+"""Groups of lines in words."""
 SETTLING = 3
 """Number of periods from which on the first is left out, because the plant may not have settled in it."""
 
@@ -52,11 +60,11 @@ class Lines(Described):
         """Draw the rms of each group; `unit` is a name and its SI size."""
         ax = axes_or_new(ax)
         name, size = unit
-        bars = ax.bar([g.kind for g in self.groups], [g.rms / size for g in self.groups], color="C0")
+        bars = ax.bar([WORDS[g.kind] for g in self.groups], [g.rms / size for g in self.groups], color="C0")
         ax.bar_label(bars, [f"p = {g.p_value:.2g}" for g in self.groups], fontsize="small")
         ax.margins(y=0.15)
-        ax.set_xlabel(f"lines of a period of {self.period_s:.3g} s")
-        ax.set_ylabel(f"residual, rms ({name})")
+        ax.set_xlabel(f"harmonics of the input, which has a period of {self.period_s:.3g} s")
+        ax.set_ylabel(axis_label("residual, rms", written_unit(name)))
         return ax
 
 

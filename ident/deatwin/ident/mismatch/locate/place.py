@@ -106,7 +106,11 @@ class Places(Described):
         best = [o.among_best and self.repeatable for o in self.opened]
         for mask, style, label in (
             (best, {"color": "C0"}, "not distinguished from the best"),
-            ([not b for b in best], {"color": "none", "edgecolor": "C0"}, "worse"),
+            (
+                [not b for b in best],
+                {"color": "none", "edgecolor": "C0"},
+                "worse than the best" if self.repeatable else "not significant",
+            ),
         ):
             rows = [k for k, chosen in enumerate(mask) if chosen]
             if rows:

@@ -79,7 +79,7 @@ class Regions(Described):
             )
         ax.axhline(0.0, color="0.4", linewidth=0.8, linestyle="--")
         ax.set_xlim(-0.05, 1.05)
-        ax.set_xlabel("signal, from its lowest to its highest value")
+        ax.set_xlabel("signal, scaled from 0 (lowest value) to 1 (highest value)")
         ax.set_ylabel(f"mean residual ({self.unit})" if self.unit else "mean residual")
         ax.legend(fontsize="x-small", loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
         return ax
@@ -88,9 +88,10 @@ class Regions(Described):
 def _legend(name: str, low: float, high: float, unit: str) -> str:
     """Return the name of a signal with its range."""
     if name == BRANCH:
-        return f"{name}: falling to rising reading"
+        return "reading: falling (left) or rising (right)"
     lowest, highest = (f"{float(f'{end:.3g}'):g}" for end in (low, high))
-    return f"{name.replace('_', ' ')}: {lowest} to {highest} {unit}".rstrip()
+    said = "time since the command was constant" if name == SINCE_REST else name.replace("_", " ")
+    return f"{said}: {lowest} to {highest} {unit}".rstrip()
 
 
 def locate_region(tracks: Sequence[Track], unit: float) -> Regions:

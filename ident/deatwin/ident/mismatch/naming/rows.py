@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from deatwin.ident.mismatch.model_error import differences
 from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
+from deatwin.plant.effects.titles import effects_in_words
 
 
 class Forms(Protocol):
@@ -78,7 +79,7 @@ def row_of(candidate: Candidate, naming: Explanations) -> Row:
 
 def in_words(candidate: Candidate) -> str:
     """Return the effects of a candidate in words, such as "creep + sensor lag"."""
-    return " + ".join(name.replace("_", " ") for name in candidate.effects)
+    return effects_in_words(" + ".join(candidate.effects))
 
 
 def _role(candidate: Candidate, naming: Explanations) -> str:

@@ -22,6 +22,7 @@ from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.effects.titles import effects_in_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -209,11 +210,13 @@ class Verification(Described):
         """
         axes = axes_or_new(ax)
         unit, size = written_amplitude(self.output_unit)
-        rows = [("all of it", self.unseen_before, self.unseen_after)]
+        rows = [("all held-out data", self.unseen_before, self.unseen_after)]
         rows += [(t.part, t.before, t.after) for t in self.transfers]
-        rows += [(f"without {_plain(a.effect)}", self.unseen_before, a.unseen) for a in self.ablations]
+        rows += [(f"without {effects_in_words(a.effect)}", self.unseen_before, a.unseen) for a in self.ablations]
         rows += [
-            (f"{_plain(s.effect)} {s.kind.value}", *self._with_placebo(s)) for s in self.shams if s.share is not None
+            (f"{effects_in_words(s.effect)} {s.kind.value}", *self._with_placebo(s))
+            for s in self.shams
+            if s.share is not None
         ]
         for place, (_, before, after) in enumerate(rows):
             axes.plot([before / size, after / size], [place, place], color="0.6", linewidth=1.2, zorder=1)
@@ -223,7 +226,7 @@ class Verification(Described):
         axes.axvline(self.noise / size, color="0.5", linestyle=":", label="sensor noise")
         axes.set_yticks(places, [name for name, _, _ in rows])
         axes.invert_yaxis()
-        axes.set_xlim(left=0.0)
+        axes.set_xlim(0.0, 1.05 * axes.get_xlim()[1])
         axes.set_xlabel(axis_label("rms residual on held-out data", unit))
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, markerscale=1.0)
         return axes
@@ -233,7 +236,3 @@ class Verification(Described):
         without = next((a.unseen for a in self.ablations if a.effect == sham.effect), self.unseen_before)
         gained = (sham.share or 0.0) * (without**2 - self.unseen_after**2)
         return without, float(np.sqrt(max(without**2 - gained, 0.0)))
-
-
-def _plain(name: str) -> str:
-    return name.replace("_", " ")

@@ -339,7 +339,7 @@ def test_the_drawing_says_what_it_is():
     ax = discovery.plot()
     assert ax.get_xlabel() == "displacement (mm)"
     assert ax.get_ylabel() == "added to the force (mN)"
-    assert "free form, not physics" in [text.get_text() for text in ax.get_legend().get_texts()]
+    assert "fitted formula, without physical meaning" in [text.get_text() for text in ax.get_legend().get_texts()]
     # the smoothed force of the recordings, which knows no free form, is what was concealed
     latent, x = discovery.latent, discovery.state
     high = latent.counted & (x > 5e-3)

@@ -136,6 +136,6 @@ def test_the_operating_region_is_drawn_with_units_and_a_marker_for_each_signal()
     drawn = {bars.get_label().split(":")[0]: bars for bars in axes.containers}
     assert drawn["command"].get_label() == "command: 1 to 2 V"
     assert drawn["y"].get_label() == "y: -12000 to 5000"
-    assert drawn["branch"].get_label() == "branch: falling to rising reading"
-    assert drawn["time since rest"].get_label().endswith(" s")
+    assert drawn["reading"].get_label() == "reading: falling (left) or rising (right)"
+    assert drawn["time since the command was constant"].get_label().endswith(" s")
     assert len({bars[0].get_marker() for bars in drawn.values()}) == len(drawn) == 5

@@ -78,5 +78,5 @@ def test_it_draws_every_part(monkeypatch):
         part="steps.csv", before=9e-6, after=2e-6, gain_low=6e-6, gain_high=8e-6, floor=2.2e-6, model_error=1e-6
     )
     axes = verification(ablations=(taken,), transfers=(part,)).plot()
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["all of it", "steps.csv", "without creep"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["all held-out data", "steps.csv", "without creep"]
     assert "µm" in axes.get_xlabel()
