@@ -53,7 +53,7 @@ class MaterialTest:
     ------
     DataError
         If `kind` is unknown, the arrays required for it are missing or differ in length, a test has fewer than 4
-        samples, times do not increase from 0 or later, a value is not finite, or a stretch, frequency or storage
+        samples, a time is negative, times do not strictly increase, a value is not finite, or a stretch, frequency or storage
         modulus is not positive.
     """
 

@@ -58,7 +58,8 @@ class NarxResponse(Described):
     Parameters
     ----------
     outputs : ndarray, shape (n_outputs, n)
-        Model outputs in the recording's units, always finite. Before ``first``, they are the measured outputs.
+        Model outputs in the recording's units. Before ``first``, they are the measured outputs. From `failed_at_s` on,
+        they keep their last value, and are no predictions.
     measured : ndarray, shape (n_outputs, n)
         Measured outputs, in the recording's units.
     timepts : ndarray, shape (n,)

@@ -23,11 +23,12 @@ class EndStop(Effect):
     The effect has no state. y is the displacement from rest, downwards, and v is the ball's velocity. d is the depth of
     contact; the onset of contact is rounded over w = 5 µm. With λ = 0 the force is kd at any speed, and no energy is
     lost. Otherwise the force is larger than kd on the way in and smaller on the way out: at speeds far above 1/λ, it is
-    2kd on the way in and zero on the way out. The stop never pulls. A slow impact at the speed :math:`v_0` loses the
-    share :math:`4/3\,\lambda v_0` of the energy. Typical: k = 100 N/m for foam; λ = 20 s/m, which takes 22 % of the
-    energy of an impact at 10 mm/s. A stop of 3 kN/m is 100 times stiffer than the film and practically rigid.
+    2kd on the way in and zero on the way out. The stop never pulls. An impact at a speed :math:`v_0` far below 1/λ loses
+    the share :math:`4/3\,\lambda v_0` of the energy; a faster impact loses less than this formula says. Typical:
+    k = 100 N/m for foam; λ = 20 s/m, which takes 22 % of the energy of an impact at 10 mm/s. A stop of 3 kN/m is 100
+    times stiffer than the film and practically rigid.
 
-    Signature: no effect below :math:`y_s`. Above :math:`y_s`, the stroke grows by only :math:`k_f/(k_f + k)` of its
+    Signature: no effect at :math:`y < y_s`. At :math:`y > y_s`, the stroke grows by only :math:`k_f/(k_f + k)` of its
     growth without a stop, at any voltage and frequency; :math:`k_f` is the film's stiffness. The ball's ringing is cut
     off on one side. An `amplifier_saturation` limits the stroke, too, but does not keep the ball from overshooting. The
     effect is off at k = 0.

@@ -20,7 +20,7 @@ class SensorCurvature(Effect):
 
     The effect has no state. y is the reading relative to its value at rest, where the sensor's gain is correct.
     Typical: :math:`\kappa` = 10 to 100 1/m, an error of 1 to 10 % at a reading of 1 mm. Such a curvature arises if a
-    laser works at the end of its range, or if its spot wanders over a ball of 4.5 mm. Signature: the error of the
+    laser works at the end of its range, or if its spot wanders over a curved target, such as a ball of 4.5 mm. Signature: the error of the
     reading depends only on the present reading, at all frequencies. A motion without voltage, such as ringing after a
     tap, is distorted as much as a motion under voltage. A `permittivity_stretch` changes only the motion under voltage.
     The effect is off at :math:`\kappa = 0`.

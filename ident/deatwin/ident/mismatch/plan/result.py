@@ -113,7 +113,7 @@ class ExperimentPlan:
     waveform : str
         Description of the input if it is advised; empty if it was given.
     effects : tuple of Foreseen
-        Effects that the rig accepts. They are sorted by the ratio of the smallest strength that is detected to the
+        All effects that can be added to the plant, also those too weak to be detected. They are sorted by the ratio of the smallest strength that is detected to the
         typical strength, the smallest ratio first.
     impossible : tuple of str
         Effects with which the plant could not be simulated.
