@@ -123,8 +123,8 @@ def _held_back(findings: Findings) -> Iterator[str]:
     held = [c for c in alone if takes_most(c, naming.base) and suffices(c, naming.base) and held_back_by(c)]
     for candidate in sorted(held, key=lambda c: -c.evidence)[:1]:
         yield (
-            f"{effects_in_words(candidate.effects[0])} would explain the recordings, but only with {', '.join(held_back_by(candidate))} "
-            "outside the allowed range"
+            f"{effects_in_words(candidate.effects[0])} would explain the recordings, but only with "
+            f"{', '.join(held_back_by(candidate))} outside the allowed range"
         )
 
 
@@ -137,8 +137,8 @@ def _hardly_shown(findings: Findings) -> Iterator[str]:
         and not shows_its_cycles(best, findings.problem.everything)
     ):
         yield (
-            f"{effects_in_words(' and '.join(best.effects))} could explain the recordings, but less than a quarter of a cycle was recorded, and so short a "
-            "part of a cycle cannot be distinguished from any other slow change"
+            f"{effects_in_words(' and '.join(best.effects))} could explain the recordings, but less than a quarter of a "
+            "cycle was recorded, and so short a part of a cycle cannot be distinguished from any other slow change"
         )
 
 
