@@ -77,7 +77,7 @@ class Scale:
     base: Candidate
     noise: float
     _weights: dict[tuple[str, ...], tuple[Calibration, float]] = field(default_factory=dict, init=False, repr=False)
-    _inexact: dict[tuple[int, int, str], tuple[tuple[Calibration, Calibration], float]] = field(
+    _inexact: dict[tuple[int | str, ...], tuple[tuple[Calibration, ...], float]] = field(
         default_factory=dict, init=False, repr=False
     )
 
@@ -86,15 +86,13 @@ class Scale:
 
         `others` are further pairs, along whose second effects the law may err instead, and pairs with a delay.
         """
-        pairs = [one for one in (pair, *others) if len(one.effects) == len(pair.effects)]
-        ways = self._ways(alone, (pair, *others))
+        further = (pair, *others)
+        ways = self._ways(alone, further)
         exact = max(self.weight(fit, late) for fit, late in ways)
         inexact = max(
-            self._inexact_weight(alone, fit, other, late)
+            self._inexact_weight(alone, fit, difference, late)
             for fit, late in ways
-            for one in pairs
-            for other, also in self._ways(one, others)
-            if also == late
+            for difference in self._differences(alone, fit, late, further, len(pair.effects))
         )
         either = np.logaddexp(exact, inexact) - np.log(2.0)
         weight = max(self.weight(fit, late) for fit, late in self._ways(pair, others))
@@ -104,7 +102,7 @@ class Scale:
         """Return the log odds of one explanation over another one, whose law is exact or inexact with equal
         probability.
         """
-        either = np.logaddexp(self.weight(other), self._inexact_weight(other, other, best)) - np.log(2.0)
+        either = np.logaddexp(self.weight(other), self._inexact_weight(other, other, (other, best))) - np.log(2.0)
         return self.weight(best) - float(either) + best.log_share - other.log_share
 
     def _ways(self, candidate: Candidate, larger: Sequence[Candidate]) -> list[tuple[Candidate, str]]:
@@ -121,15 +119,25 @@ class Scale:
         """Names of the dead times of the command and of the reading, whatever their place."""
         return frozenset(f"{e.name}.time" for e in self.problem.everywhere if e.cause == Delay.name)
 
-    def _inexact_weight(self, law_of: Candidate, alone: Candidate, pair: Candidate, late: str = "") -> float:
-        """Return the log evidence of a fit `alone` that errs by the law of `law_of` along its difference from another.
+    def _differences(
+        self, alone: Candidate, fit: Candidate, late: str, further: Sequence[Candidate], size: int
+    ) -> Iterator[tuple[Candidate, Candidate]]:
+        """Yield one effect and each set of `size` effects, both at their fits with the delay named `late` if known."""
+        for one in further:
+            if len(one.effects) == size:
+                yield next(((fit, other) for other, also in self._ways(one, further) if also == late), (alone, one))
+
+    def _inexact_weight(
+        self, law_of: Candidate, alone: Candidate, difference: tuple[Candidate, Candidate], late: str = ""
+    ) -> float:
+        """Return the log evidence of a fit `alone` that errs by the law of `law_of` along a difference of two fits.
 
         The delay named `late` is the plant's own timing error.
         """
-        fits = (alone.calibration, pair.calibration)
-        key = (id(fits[0]), id(fits[1]), late)  # the fits are kept beside the value, so their ids stay valid
+        fits = (alone.calibration, *(one.calibration for one in difference))
+        key = (*map(id, fits), late)  # the fits are kept beside the value, so their ids stay valid
         if key not in self._inexact:
-            apart = fits[0].residuals - fits[1].residuals
+            apart = fits[1].residuals - fits[2].residuals
             self._inexact[key] = (fits, self._evidence(alone, self._law(apart, law_of), late))
         return self._inexact[key][1]
 
