@@ -210,7 +210,7 @@ def _recordings(rows: Rows) -> list[str]:
         "",
         "All errors are rms errors on a held-out recording. The best NARX model was chosen by its error on this recording, "
         f"which favours it. The best NARX model has a smaller error than the plant for {ahead} of the {beside} data sets. In closed loop, the "
-        "controller corrects errors of the model, so errors are much smaller than in open loop.",
+        "feedback suppresses the effect of model errors, so the rms errors are much smaller than in open loop.",
     ]
 
 

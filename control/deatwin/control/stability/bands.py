@@ -178,9 +178,10 @@ def band_margins(
 ) -> MarginBand:
     """Propagate the covariance of a linear model to the margins and the Nyquist curve of its loop with a controller.
 
-    A change of the coefficients changes the loop L by dL; L' is the derivative of L with respect to frequency. At a
-    phase crossing, ln|L| changes by Re(dL/L) and the frequency of the crossing by -Im(dL/L)/Im(L'/L). At a gain
-    crossing, the phase changes by Im(dL/L) and the frequency of the crossing by -Re(dL/L)/Re(L'/L). The disk margin is
+    A change of the coefficients changes the loop L by dL at a fixed frequency; L' is the derivative of L with respect
+    to frequency. A phase crossing shifts by dw = -Im(dL/L)/Im(L'/L), and ln|L| at the crossing changes by
+    Re(dL/L + dw L'/L). A gain crossing shifts by dw = -Re(dL/L)/Re(L'/L), and the phase at the crossing changes by
+    Im(dL/L + dw L'/L). The disk margin is
     the minimum of 2 |1 + L|/|1 - L| over frequency. Its change is that of this expression at the frequency of the
     minimum. Its lower limit is the lowest of the limits at all local minima.
 

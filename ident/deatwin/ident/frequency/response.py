@@ -125,8 +125,9 @@ class FrequencyResponse(Described, Frozen):
     theta_dof : float
         Degrees of freedom of the parameters' Student-t distribution; infinite for a normal distribution.
     inputs : tuple of str
-        Names of n inputs; empty for a model of one input. H_n has one name for each frequency. For G_n and Y_n, the
-        names are the factors of the product of inputs to which the response belongs.
+        Names of inputs, as many as the order n; a name may occur several times. For H_n: the input to which each of the
+        n frequencies belongs. For G_n and Y_n: the inputs whose product the response belongs to. Empty for a model of
+        one input.
     """
 
     symbol: str = field(metadata=attribute())

@@ -241,8 +241,8 @@ def calibrate(
 
     The plant is simulated from its state of rest. A trust-region Gauss-Newton method with exact derivatives minimises
     the squared difference between measured and simulated readings within the physical ranges of the parameters. The
-    times of events, such as a jump, are not varied. They still count as fitted parameters, and the covariance of the
-    result includes them.
+    times of events, such as a jump, keep their starting values. The result nevertheless lists them among the fitted
+    parameters, and its covariance includes their uncertainty.
 
     A single fit may end in a local minimum. The fit is therefore repeated from several starting points: the given
     values, and points of a low-discrepancy sequence in the parameters' ranges. Each of these fits begins with a short
