@@ -261,13 +261,11 @@ def with_distances(
     distance: Callable[..., float] = separation,
     known: Distances | None = None,
     refuted: Callable[[Candidate, Candidate], bool] = lambda other, best: False,
-    as_likely: Callable[[Candidate, Candidate], bool] = lambda other, best: False,
 ) -> Naming:
     """Add, as alternatives, `possible` explanations that these inputs cannot distinguish from the best one.
 
-    An alternative that is `refuted` by the best one is not added. One that is `as_likely` by the likelihood is added,
-    although the inputs would distinguish the two if one of them were exact. New distances d² are added to `known`,
-    because decisions come back to the same fits.
+    An alternative that is `refuted` by the best one is not added. New distances d² are added to `known`, because
+    decisions come back to the same fits.
     """
     # Explanations that are worse by more than the model error are not added, nor are those with a far smaller prior
     # probability: the gain of an amplifier hardly drifts by a tenth.
@@ -292,8 +290,7 @@ def with_distances(
         if close and d2 < DISTINGUISHED and is_possible(c, best) and c not in naming.alternatives
     ]
     distances = tuple(_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
-    likely = [c for c in others if as_likely(c, best) and is_possible(c, best) and c not in near]
-    return replace(naming, alternatives=(*naming.alternatives, *near), distances=distances).as_likely(likely)
+    return replace(naming, alternatives=(*naming.alternatives, *near), distances=distances)
 
 
 def _key(task: tuple[Any, ...]) -> tuple[object, ...]:

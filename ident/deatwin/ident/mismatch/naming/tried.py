@@ -214,9 +214,6 @@ class Tried:
             self.is_possible,
             known=self._distances,
             refuted=lambda other, best: scale.over(best, other) > STRONG,
-            as_likely=lambda other, best: (
-                len(other.effects) == len(best.effects) and scale.exactly_over(best, other) < STRONG
-            ),
         )
 
     def is_clearly_worse_than(self, alternative: Candidate) -> bool:

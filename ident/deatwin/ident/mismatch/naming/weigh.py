@@ -105,10 +105,6 @@ class Scale:
         either = np.logaddexp(self.weight(other), self._inexact_weight(other, other, (other, best))) - np.log(2.0)
         return self.weight(best) - float(either) + best.log_share - other.log_share
 
-    def exactly_over(self, best: Candidate, other: Candidate) -> float:
-        """Return the log odds of one explanation over another one of as many effects, both of whose laws are exact."""
-        return self.weight(best) + best.log_share - self.weight(other) - other.log_share
-
     def _ways(self, candidate: Candidate, larger: Sequence[Candidate]) -> list[tuple[Candidate, str]]:
         """Return the fits of a candidate: its own, and those of `larger` ones that only add a delay, with its name."""
         found = [(candidate, "")]

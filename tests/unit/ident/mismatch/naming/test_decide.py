@@ -194,22 +194,6 @@ def test_of_what_reads_alike_a_rival_is_left_that_is_not_20_times_less_likely_be
     assert cannot_rule_out(other, best) is kept
 
 
-@pytest.mark.parametrize("kept", [True, False])
-def test_what_the_likelihood_does_not_refute_is_a_rival_though_the_inputs_would_distinguish_it(
-    candidate, is_adequate, noise, kept
-):
-    """200 ln(2.3 / 2.1) are 18 nats by residuals, which assume that one of the two laws is exact."""
-    best, other = candidate("creep", rms=2.1), candidate("mullins", rms=2.3)
-    decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
-    assert decided.alternatives == ()
-    problem = SimpleNamespace(everything=(), jobs=1)
-    found = with_distances(
-        decided, (best, other), problem, lambda c: True, lambda *given: 147.0, as_likely=lambda *both: kept
-    )
-    assert found.alternatives == ((other,) if kept else ())
-    assert found.probabilities[other.effects] == (pytest.approx(0.5) if kept else decided.probabilities[other.effects])
-
-
 def test_distances_need_no_probabilities_and_take_no_rival_away(candidate, noise, monkeypatch):
     """A decision by other fits may know more of an alternative, or nothing of one that could not be fitted there."""
     # 200 ln(2.2 / 2.1) are 9 nats, and the two differ by half of the model error
