@@ -9,9 +9,8 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.criteria import TRIFLE, errs_by_its_law, gained, held_back_by, suffices
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
 from deatwin.ident.mismatch.naming.sets import Search
-from deatwin.ident.mismatch.naming.tried import Names
+from deatwin.ident.mismatch.naming.tried import Names, each_without_one
 from deatwin.ident.mismatch.naming.weigh import Scale
-from deatwin.plant.effects.delay import Delay
 
 BARELY = 0.5
 """Share of the model error's power below which a second effect does not count; above 1 it certainly does."""
@@ -47,7 +46,6 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
         search.screen(first.effects)
     scale = search.scale
     search.with_each(_promising(search, scale))
-    search.with_each(_late(search, scale, first))
     odds = _odds(search, scale, first)
     if (best := _likeliest(odds, 0.0)) is not None:
         search.fit_fewer(best)  # earlier fits of single effects may be rough
@@ -83,28 +81,17 @@ def _pairs(search: Search) -> list[Candidate]:
     return [c for names, c in search.tried.items() if len(names) == 2 and not c.calibration.given_up]
 
 
-def _late_pairs(search: Search) -> list[Candidate]:
-    """Return the fits of pairs with a delay beside them."""
-    delays = set(_delays(search))
-    return [c for names, c in search.tried.items() if len(names) == 3 and len(delays.intersection(names)) == 1]
+def _larger(search: Search) -> list[Candidate]:
+    """Return the fits of pairs, and those with a delay beside one or two effects."""
+    return [*_pairs(search), *search.late]
 
 
-def _delays(search: Search) -> list[str]:
-    """Return the names of the dead times of the command and of the reading."""
-    return [effect.name for effect in search.problem.effects if effect.cause == Delay.name]
-
-
-def _with_delays(search: Search, pair: Names) -> dict[Names, list[str]]:
-    """Return a pair with the delays to be tried beside it; nothing if it has one."""
-    delays = _delays(search)
-    return {} if set(delays).intersection(pair) else {pair: delays}
-
-
-def _late(search: Search, scale: Scale, first: Candidate) -> dict[Names, list[str]]:
-    """Return the pair that would be likeliest on a plant without timing error, with the delays to be tried beside it."""
-    pairs = [c for c in _pairs(search) if _with_delays(search, c.effects)]
+def _fit_late(search: Search, scale: Scale, first: Candidate) -> None:
+    """Fit with a delay the pair that is likeliest without one, its own effects and `first`; a late plant may hide it."""
+    pairs = [c for c in _pairs(search) if not search.delays.intersection(c.effects)]
     best = _likeliest({c.effects: scale.of_two(c, search.tried[first.effects]) for c in pairs}, 0.0)
-    return {} if best is None else _with_delays(search, best)
+    if best is not None:
+        search.fit_late([best, first.effects, *each_without_one(best)])
 
 
 def _nearly_all(search: Search) -> Candidate | None:
@@ -122,12 +109,11 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
     if pair is None or len(pair.effects) != 2:
         return naming
     scale = search.scale
-    search.with_each(_with_delays(search, pair.effects))
     possible = sorted(filter(search.is_possible, _single_effects(search)), key=lambda c: -scale.weight(c))
     possible = [c for c in possible if errs_by_its_law(c, search.tried[()])]
     asked = [c for k, c in enumerate(possible) if k == 0 or c.effects[0] in pair.effects]
-    others = [*_pairs(search), *_late_pairs(search)]
-    return naming.as_likely([c for c in asked if scale.of_two(pair, c, others) < STRONG])
+    search.fit_late([pair.effects, *(c.effects for c in asked)] if asked else [])
+    return naming.as_likely([c for c in asked if scale.of_two(pair, c, _larger(search)) < STRONG])
 
 
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
@@ -163,13 +149,14 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
     """Return the log odds of each fitted pair over the likeliest of `first` and the pair's own two effects."""
     # Its own effects count only if each leaves no more than an error of its law may.
     # Each pair is compared with the fits of all others, so any refits come first.
-    late, before = _late_pairs(search), _pairs(search)
-    for pair in before:
-        if scale.of_two(pair, search.tried[first.effects], [*before, *late]) > 0.0:  # else no refit makes it likely
+    _fit_late(search, scale, first)
+    before = _larger(search)
+    for pair in _pairs(search):
+        if scale.of_two(pair, search.tried[first.effects], before) > 0.0:  # else a refit would hardly make it likely
             search.no_worse(pair.effects)
     found: dict[Names, float] = {}
-    others = [*(pairs := _pairs(search)), *late]
-    for pair in pairs:
+    others = _larger(search)
+    for pair in _pairs(search):
         odds = scale.of_two(pair, search.tried[first.effects], others)
         if odds > 0.0:  # otherwise fits of its effects, each of which costs time, would not make it likely
             alone = [c for c in search.without_one(pair.effects) if errs_by_its_law(c, search.tried[()])]

@@ -95,7 +95,9 @@ class Scale:
             for difference in self._differences(alone, fit, late, further, len(pair.effects))
         )
         either = np.logaddexp(exact, inexact) - np.log(2.0)
-        weight = max(self.weight(fit, late) for fit, late in self._ways(pair, others))
+        # A fit with a delay counts for the pair only if there is one of the single effect, too.
+        known = {late for _, late in ways}
+        weight = max(self.weight(fit, late) for fit, late in self._ways(pair, others) if late in known)
         return weight - float(either) + self._pair_odds + pair.log_share - alone.log_share
 
     def over(self, best: Candidate, other: Candidate) -> float:
@@ -124,7 +126,7 @@ class Scale:
     ) -> Iterator[tuple[Candidate, Candidate]]:
         """Yield one effect and each set of `size` effects, both at their fits with the delay named `late` if known."""
         for one in further:
-            if len(one.effects) == size:
+            if len(one.effects) == size and one is not fit:
                 yield next(((fit, other) for other, also in self._ways(one, further) if also == late), (alone, one))
 
     def _inexact_weight(
@@ -134,10 +136,10 @@ class Scale:
 
         The delay named `late` is the plant's own timing error.
         """
-        fits = (alone.calibration, *(one.calibration for one in difference))
+        fits = (law_of.calibration, alone.calibration, *(one.calibration for one in difference))
         key = (*map(id, fits), late)  # the fits are kept beside the value, so their ids stay valid
         if key not in self._inexact:
-            apart = fits[1].residuals - fits[2].residuals
+            apart = fits[-2].residuals - fits[-1].residuals
             self._inexact[key] = (fits, self._evidence(alone, self._law(apart, law_of), late))
         return self._inexact[key][1]
 

@@ -189,6 +189,7 @@ def test_the_odds_of_two_effects_are_those_of_a_plant_that_is_on_time(scale, far
     one, two = fitted(late, first, later), fitted(late, first, second, later)
     assert scale.of_two(pair, alone, (one, two)) == pytest.approx(on_time, abs=0.7)
     assert scale.of_two(pair, alone, (one,)) < on_time - STRONG
+    assert scale.of_two(pair, alone, (two,)) == scale.of_two(pair, alone)  # the single effect may be late, too
 
 
 @pytest.mark.parametrize("shape", [EARLIER, FAST_TONE])
