@@ -9,7 +9,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.criteria import TRIFLE, errs_by_its_law, gained, held_back_by, suffices
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
 from deatwin.ident.mismatch.naming.sets import Search
-from deatwin.ident.mismatch.naming.tried import Names, each_without_one
+from deatwin.ident.mismatch.naming.tried import Names
 from deatwin.ident.mismatch.naming.weigh import Scale
 
 BARELY = 0.5
@@ -81,19 +81,6 @@ def _pairs(search: Search) -> list[Candidate]:
     return [c for names, c in search.tried.items() if len(names) == 2 and not c.calibration.given_up]
 
 
-def _larger(search: Search) -> list[Candidate]:
-    """Return the fits of pairs, and those with a delay beside one or two effects."""
-    return [*_pairs(search), *search.late]
-
-
-def _fit_late(search: Search, scale: Scale, first: Candidate) -> None:
-    """Fit with a delay the pair that is likeliest without one, its own effects and `first`; a late plant may hide it."""
-    pairs = [c for c in _pairs(search) if not search.delays.intersection(c.effects)]
-    best = _likeliest({c.effects: scale.of_two(c, search.tried[first.effects]) for c in pairs}, 0.0)
-    if best is not None:
-        search.fit_late([best, first.effects, *each_without_one(best)])
-
-
 def _nearly_all(search: Search) -> Candidate | None:
     """Return the likeliest single effect that leaves no more than an error of its law may, or None."""
     base = search.tried[()]
@@ -112,8 +99,7 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
     possible = sorted(filter(search.is_possible, _single_effects(search)), key=lambda c: -scale.weight(c))
     possible = [c for c in possible if errs_by_its_law(c, search.tried[()])]
     asked = [c for k, c in enumerate(possible) if k == 0 or c.effects[0] in pair.effects]
-    search.fit_late([pair.effects, *(c.effects for c in asked)] if asked else [])
-    return naming.as_likely([c for c in asked if scale.of_two(pair, c, _larger(search)) < STRONG])
+    return naming.as_likely([c for c in asked if scale.of_two(pair, c, _pairs(search)) < STRONG])
 
 
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
@@ -149,14 +135,12 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
     """Return the log odds of each fitted pair over the likeliest of `first` and the pair's own two effects."""
     # Its own effects count only if each leaves no more than an error of its law may.
     # Each pair is compared with the fits of all others, so any refits come first.
-    _fit_late(search, scale, first)
-    before = _larger(search)
-    for pair in _pairs(search):
+    before = _pairs(search)
+    for pair in before:
         if scale.of_two(pair, search.tried[first.effects], before) > 0.0:  # else a refit would hardly make it likely
             search.no_worse(pair.effects)
     found: dict[Names, float] = {}
-    others = _larger(search)
-    for pair in _pairs(search):
+    for pair in (others := _pairs(search)):
         odds = scale.of_two(pair, search.tried[first.effects], others)
         if odds > 0.0:  # otherwise fits of its effects, each of which costs time, would not make it likely
             alone = [c for c in search.without_one(pair.effects) if errs_by_its_law(c, search.tried[()])]

@@ -21,12 +21,11 @@ from deatwin.ident.mismatch.naming.screen import (
 )
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
-from deatwin.ident.mismatch.naming.trial import NEAR, Fitted, Trial, run_trials, trials_of, unbiased_like
+from deatwin.ident.mismatch.naming.trial import NEAR, Fitted, Trial, trials_of, unbiased_like
 from deatwin.ident.mismatch.naming.tried import CLEARLY_BETTER, Finished, Names, Tried, each_without_one, once
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
-from deatwin.plant.effects.delay import Delay
 
 BESIDE = 6
 """Number of the most promising effects that are tried beside the effects of a set."""
@@ -52,7 +51,6 @@ class Search(Tried):
         self._replaced: dict[tuple[Names, Names], Calibration] = {}
         self._responses: dict[str, list[LinearisedResponse]] = {}
         self._events: dict[Names, tuple[Calibration, tuple[Lead, ...]]] = {}
-        self._late: dict[Names, Candidate | None] = {}
         self.unscreened = [] if known is None else self._not_in(known)
 
     def in_variant_of(self, base: Candidate) -> Search:
@@ -148,28 +146,6 @@ class Search(Tried):
             found = self._leads(names, [effect for effect in self.problem.effects if effect.name in others])
             trials += trials_of(unbiased_like(self.problem, fit.plant), fit, found)
         return self._new(trials)
-
-    @property
-    def delays(self) -> frozenset[str]:
-        """Names of the dead times of the command and of the reading among the effects."""
-        return frozenset(effect.name for effect in self.problem.effects if effect.cause == Delay.name)
-
-    @property
-    def late(self) -> list[Candidate]:
-        """Fits of sets with a delay beside them, which only serve to compare sets on a plant with a timing error."""
-        return [c for c in self._late.values() if c is not None and not c.calibration.given_up]
-
-    def fit_late(self, sets: Sequence[Names]) -> None:
-        """Fit each set with a delay beside it, unless that was done; these are no explanations to decide among."""
-        delays = [effect for effect in self.problem.effects if effect.name in self.delays]
-        known = [names for names in sets if names in self.tried] if delays else []
-        trials: list[Trial] = []
-        for names in once(known):
-            fit = self.tried[names].calibration
-            trials += trials_of(unbiased_like(self.problem, fit.plant), fit, self._leads(names, delays))
-        new = [t for t in trials if self.names_of(t) not in self.tried and self.names_of(t) not in self._late]
-        found = {c.effects: c for c in run_trials(self.problem, new, self.noise, None, self.fitted)}
-        self._late |= {names: found.get(names) for names in map(self.names_of, new)}
 
     def _siblings(self, names: Names, best: Names) -> list[Names]:
         """Try, beside `names`, effects that act like the others of `best`; return the sets with a new or better fit."""

@@ -17,11 +17,10 @@ explains worse than an error of the law along another one is no reason to name i
 probabilities of all directions, the single effect would have the mean of these likelihoods, not the largest. An exact
 law and an inexact one have equal prior probability.
 
-A short delay beside effects is what the plant's own timing error is. A fit without the delay cannot follow such an
-error, and readings are not linear in the parameters over the distance. So the evidence of the single effect, and that of
-the pair, is also evaluated at the fit with a delay, whose prior is then that of the timing error; the larger value
-counts. The column of the timing error stays as in all other sets: it belongs to the motion of the base plant, and a
-delay to that of its own.
+A short delay beside an effect is what the plant's own timing error is. A fit of the effect alone cannot follow such an
+error, and readings are not linear in the parameters over the distance. So the evidence of the effect alone is also
+evaluated at the fit with a delay, whose prior is then that of the timing error; the larger value counts. The column of
+the timing error stays as in all other sets: it belongs to the motion of the base plant, and a delay to that of its own.
 """
 
 from __future__ import annotations
@@ -77,70 +76,44 @@ class Scale:
     base: Candidate
     noise: float
     _weights: dict[tuple[str, ...], tuple[Calibration, float]] = field(default_factory=dict, init=False, repr=False)
-    _inexact: dict[tuple[int | str, ...], tuple[tuple[Calibration, ...], float]] = field(
+    _inexact: dict[tuple[int, int], tuple[tuple[Calibration, Calibration], float]] = field(
         default_factory=dict, init=False, repr=False
     )
 
     def of_two(self, pair: Candidate, alone: Candidate, others: Sequence[Candidate] = ()) -> float:
         """Return the log odds of a pair over one effect, whose law is exact or inexact with equal probability.
 
-        `others` are further pairs, along whose second effects the law may err instead, and pairs with a delay.
+        `others` are further pairs, along whose second effects the law may err instead.
         """
-        further = (pair, *others)
-        ways = self._ways(alone, further)
-        exact = max(self.weight(fit, late) for fit, late in ways)
-        inexact = max(
-            self._inexact_weight(alone, fit, difference, late)
-            for fit, late in ways
-            for difference in self._differences(alone, fit, late, further, len(pair.effects))
-        )
+        exact = max(self.weight(alone), *(self._late_weight(alone, other) for other in (pair, *others)))
+        inexact = max(self._inexact_weight(alone, other) for other in (pair, *others))
         either = np.logaddexp(exact, inexact) - np.log(2.0)
-        # A fit with a delay counts for the pair only if there is one of the single effect, too.
-        known = {late for _, late in ways}
-        weight = max(self.weight(fit, late) for fit, late in self._ways(pair, others) if late in known)
-        return weight - float(either) + self._pair_odds + pair.log_share - alone.log_share
+        return self.weight(pair) - float(either) + self._pair_odds + pair.log_share - alone.log_share
 
     def over(self, best: Candidate, other: Candidate) -> float:
         """Return the log odds of one explanation over another one, whose law is exact or inexact with equal
         probability.
         """
-        either = np.logaddexp(self.weight(other), self._inexact_weight(other, other, (other, best))) - np.log(2.0)
+        either = np.logaddexp(self.weight(other), self._inexact_weight(other, best)) - np.log(2.0)
         return self.weight(best) - float(either) + best.log_share - other.log_share
 
-    def _ways(self, candidate: Candidate, larger: Sequence[Candidate]) -> list[tuple[Candidate, str]]:
-        """Return the fits of a candidate: its own, and those of `larger` ones that only add a delay, with its name."""
-        found = [(candidate, "")]
-        for other in larger:
-            further = [f"{effect}.time" for effect in other.effects if effect not in candidate.effects]
-            if len(further) == len(other.effects) - len(candidate.effects) == 1 and further[0] in self._delays:
-                found.append((other, further[0]))
-        return found
+    def _late_weight(self, alone: Candidate, pair: Candidate) -> float:
+        """Return the log evidence of an effect whose timing error is the delay of a pair; -inf if this has none."""
+        further = [f"{effect}.time" for effect in pair.effects if effect not in alone.effects]
+        is_late = len(further) == len(pair.effects) - len(alone.effects) == 1 and further[0] in self._delays
+        return self.weight(pair, late=further[0]) if is_late else -np.inf
 
     @cached_property
     def _delays(self) -> frozenset[str]:
         """Names of the dead times of the command and of the reading, whatever their place."""
         return frozenset(f"{e.name}.time" for e in self.problem.everywhere if e.cause == Delay.name)
 
-    def _differences(
-        self, alone: Candidate, fit: Candidate, late: str, further: Sequence[Candidate], size: int
-    ) -> Iterator[tuple[Candidate, Candidate]]:
-        """Yield one effect and each set of `size` effects, both at their fits with the delay named `late` if known."""
-        for one in further:
-            if len(one.effects) == size and one is not fit:
-                yield next(((fit, other) for other, also in self._ways(one, further) if also == late), (alone, one))
-
-    def _inexact_weight(
-        self, law_of: Candidate, alone: Candidate, difference: tuple[Candidate, Candidate], late: str = ""
-    ) -> float:
-        """Return the log evidence of a fit `alone` that errs by the law of `law_of` along a difference of two fits.
-
-        The delay named `late` is the plant's own timing error.
-        """
-        fits = (law_of.calibration, alone.calibration, *(one.calibration for one in difference))
-        key = (*map(id, fits), late)  # the fits are kept beside the value, so their ids stay valid
+    def _inexact_weight(self, alone: Candidate, pair: Candidate) -> float:
+        """Return the log evidence of an explanation whose law errs along its difference from another one."""
+        fits = (alone.calibration, pair.calibration)
+        key = (id(fits[0]), id(fits[1]))  # the fits are kept beside the value, so their ids stay valid
         if key not in self._inexact:
-            apart = fits[-2].residuals - fits[-1].residuals
-            self._inexact[key] = (fits, self._evidence(alone, self._law(apart, law_of), late))
+            self._inexact[key] = (fits, self._evidence(alone, self._law(pair, alone)))
         return self._inexact[key][1]
 
     @property
@@ -220,9 +193,10 @@ class Scale:
                 factor -= float(np.log(2.0))  # `log_prior_of_rig` is a density over the whole range
         return columns, prior, factor
 
-    def _law(self, apart: np.ndarray, alone: Candidate) -> np.ndarray:
-        """Return the expected law error of one effect along the response of a second one, (n,), as columns (n, k)."""
+    def _law(self, pair: Candidate, alone: Candidate) -> np.ndarray:
+        """Return the expected law error of one effect along the response of the second one, (n, k)."""
         does, sizes = alone.contribution, self._missed(alone)
+        apart = alone.calibration.residuals - pair.calibration.residuals
         if not _is_known(does):
             return structured.known(apart[:, None], sizes[:1])
         basis = structured.law(does, self.error.times, self.error.records, level_of(self.problem.fitted))

@@ -77,7 +77,7 @@ class GivenScale:
     def biased(self, candidate):
         return self.bends.get(candidate.effects, 0.0)
 
-    def of_two(self, pair, alone, others=()):
+    def of_two(self, pair, alone, others):
         return self.odds - 1e6 * (alone.calibration.rms < 2.6)
 
     def promises(self, alone, known):
@@ -130,22 +130,6 @@ def test_the_first_stands_alone_where_no_pair_is_likelier(leaving, scale):
     search = Known(*leaving(5.0, 3.0, 4.6, 2.2))
     naming = decided(search)
     assert (naming.best, naming.alternatives) == (search.tried[CLIP], ())
-
-
-def test_a_pair_and_all_that_it_is_compared_with_are_fitted_with_a_delay(leaving):
-    """A late plant may hide a pair that would be likelier on time; without a likely one nothing is fitted."""
-    search, asked = Known(*leaving(5.0, 3.0, 4.6, 2.2)), []
-    search.fit_late = asked.append
-    decided(search)
-    assert [sorted(sets) for sets in asked[:1]] == [sorted([PAIR, CLIP, CLIP, CREEP])]
-
-
-def test_without_a_likely_pair_nothing_is_fitted_with_a_delay(leaving, scale):
-    scale(odds=-1.0)
-    search, asked = Known(*leaving(5.0, 3.0, 4.6, 2.2)), []
-    search.fit_late = asked.append
-    decided(search)
-    assert asked == []
 
 
 def test_what_acts_as_well_in_the_place_of_the_second_is_a_alternative(leaving, candidate):

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from deatwin.ident.mismatch.naming import sets
 from deatwin.plant import Creep, Delay, ElectrodeLoss, SensorJump, ThermalStiffness
 
 
@@ -305,33 +304,3 @@ def test_what_promises_more_from_before_an_event_is_what_an_effect_promises(cand
         assert search._leads(names, [jump, creep]) == (seen, slow)
         assert search._leads(names, [creep]) == (slow,)  # no event is looked for where none is asked for
     assert asked == [((),), (("delay",),)]
-
-
-def test_fits_with_a_delay_beside_a_set_are_made_once_and_are_no_explanations(candidate, search_over, monkeypatch):
-    base, pair = candidate(rms=9.0), candidate("creep", "mullins", rms=2.5)
-    alone, lost = candidate("creep", rms=4.0), candidate("mullins", rms=5.0)
-    search = search_over(base, alone, lost, pair)
-    tried, made = dict(search.tried), []
-
-    def trials(unbiased, fit, leads):
-        return [
-            SimpleNamespace(names=tuple(sorted((*names, *leads)))) for names, c in tried.items() if c.calibration is fit
-        ]
-
-    def run(problem, given, noise, finished, fitted):
-        made.extend(trial.names for trial in given)  # one of them cannot be simulated
-        return [candidate(*trial.names, rms=2.0) for trial in given if trial.names != ("delay", "mullins")]
-
-    monkeypatch.setattr(sets, "unbiased_like", lambda problem, plant: None)
-    monkeypatch.setattr(sets, "trials_of", trials)
-    monkeypatch.setattr(sets, "run_trials", run)
-    search._leads = lambda names, effects: [effect.name for effect in effects]
-    search.names_of = lambda trial: trial.names
-    search.fit_late([pair.effects])
-    assert made == [] and search.late == []  # the catalogue has no delay
-    search.problem.effects = (Creep(), Delay())
-    for _ in range(2):
-        search.fit_late([pair.effects, alone.effects, lost.effects, ("leakage",)])
-    assert made == [("creep", "delay", "mullins"), ("creep", "delay"), ("delay", "mullins")]
-    assert [c.effects for c in search.late] == made[:2]
-    assert search.tried == tried and search.failed == []

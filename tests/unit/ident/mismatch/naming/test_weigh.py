@@ -173,25 +173,6 @@ def test_a_delay_is_a_second_effect_if_no_timing_error_is_as_long(scale, late, a
     assert scale.of_two(beside, alone, (pair,)) < scale.of_two(beside, alone)
 
 
-@pytest.mark.parametrize("far", [0.02, 0.2], ids=["an error of the law", "more than one"])
-def test_the_odds_of_two_effects_are_those_of_a_plant_that_is_on_time(scale, far):
-    """The prior of a timing error is the same beside one effect and beside two. The delay acts as no effect does here,
-    so its column changes no other evidence.
-    """
-    delay, rng = EFFECTS[2], np.random.default_rng(12)
-    noise, along = NOISE * rng.standard_normal(TIMES.size), SIZE * EARLIER
-    left, missed = noise + far * along, 3.0 * NOISE * np.sin(2.0 * np.pi * 13.0 * TIMES)
-    first, second = (FIRST, CREPT), (SECOND, along)
-    late = left + (strength(delay).value - 0.002) * 3e-3 * FAST_TONE
-    later = (delay, -strength(delay).value * 3e-3 * FAST_TONE)
-    on_time = scale.of_two(fitted(left, first, second), fitted(left, first))
-    alone, pair = fitted(left + missed, first), fitted(left + missed, first, second)
-    one, two = fitted(late, first, later), fitted(late, first, second, later)
-    assert scale.of_two(pair, alone, (one, two)) == pytest.approx(on_time, abs=0.7)
-    assert scale.of_two(pair, alone, (one,)) < on_time - STRONG
-    assert scale.of_two(pair, alone, (two,)) == scale.of_two(pair, alone)  # the single effect may be late, too
-
-
 @pytest.mark.parametrize("shape", [EARLIER, FAST_TONE])
 def test_first_order_promises_what_a_fit_then_shows(scale, shape):
     """The readings are linear: what is promised beside the first one is the evidence that the pair then has."""
