@@ -275,7 +275,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "After a refit to all recordings, the error beyond sensor noise is smaller than this limit",
         "film: stiffness",
         "1234",
-        "cannot distinguish the chosen explanation from delay (d² = 9.10).",
+        "Alternatives to the chosen explanation: delay (d² = 9.10).",
         "x² beyond a dead band (half-width: 17.6 µm)",
         "<td>N s/m²</td>",
         "-0.0123",
@@ -335,11 +335,13 @@ EXPLANATIONS = {
     [
         (
             Verdict.NONE,
-            "the error beyond sensor noise is 0.340 µm rms (p = 0.230), and errors below 1.19 µm rms do not count as a mismatch.",
+            "the error beyond sensor noise is 0.340 µm rms (all tests of the residual together: p = 0.230), and errors "
+            "below 1.19 µm rms do not count as a mismatch.",
         ),
         (
             Verdict.PARAMETERS,
-            "the error beyond sensor noise is 0.340 µm rms (p = 0.230), and errors below 1.19 µm rms do not count as a mismatch.",
+            "the error beyond sensor noise is 0.340 µm rms (all tests of the residual together: p = 0.230), and errors "
+            "below 1.19 µm rms do not count as a mismatch.",
         ),
         (
             Verdict.UNKNOWN,

@@ -114,7 +114,7 @@ def _clean(diagnosis: Diagnosis) -> str:
         return f"after the fit to all recordings, the error beyond sensor noise is {small}"
     chance = f"p = {number(found.p_value)}"
     if found.practical is not None and found.excess < found.practical:
-        return _beyond_noise(diagnosis, f" ({chance})")
+        return _beyond_noise(diagnosis, f" (all tests of the residual together: {chance})")
     beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
     return f"{beyond}, but it may be due to chance ({chance}; an error of this size counts only if p < {LEVEL:g})"
 

@@ -53,8 +53,8 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
         (WIDTH, 8.4),
         "Tests of the residual",
         "Residual of the calibrated model: its spectrum, its cumulative periodogram, and its correlations with time and with "
-        "functions of the command. The lag of each function grows from left to right. Noise alone exceeds a grey range in "
-        "1 % of all cases.",
+        "functions of the command. The lag of each function grows from left to right. If there were only noise, a curve "
+        "would leave its grey range anywhere in only 1 % of all recordings.",
         lambda figure: findings.detection.plot(list(figure.subplots(3, 1))),
     )
     if (location := findings.location) is not None:
@@ -99,11 +99,12 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
         )
     if findings.named:
         held = findings.verification
+        parts = " and on parts of them" if held.transfers else ""
         rows = 1 + len(held.transfers) + len(held.ablations) + sum(s.share is not None for s in held.shams)
         found["verification"] = (
             (WIDTH, 1.3 + ROW * rows),
             "Errors on held-out data",
-            "Errors before and after the explanation is added, on all held-out data and on parts of them. In the other rows, "
+            f"Errors before and after the explanation is added, on all held-out data{parts}. In the other rows, "
             "one effect of the explanation is removed, or replaced by a placebo. A placebo must not fit as well as the real "
             "effect.",
             lambda figure: held.plot(figure.add_subplot()),
