@@ -18,8 +18,8 @@ class AmplifierOffset(Effect):
 
     .. math:: u \to u + u_0
 
-    The effect has no state. u is the command. Typical: 2.5 to 12.5 mV, which is 2 to 10 V at the film for a gain of
-    800. Signature: the response y is shifted along the command axis, so it is no longer even in u. If the response
+    The effect has no state. u is the command. Typical: 2.5 to 12.5 mV. With a gain of 800, this is 2 to 10 V at the
+    film. Signature: the response y is shifted along the command axis, so it is no longer even in u. If the response
     without offset is :math:`y = u^2`, then y(u) and y(-u) differ by :math:`4u_0u`. Under commands of one polarity, the
     offset looks nearly like a gain error. The effect is off at :math:`u_0 = 0`.
 
