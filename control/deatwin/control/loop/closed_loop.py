@@ -150,7 +150,7 @@ class ClosedLoop(Described):
 
     @property
     def ripple(self) -> float:
-        """As `steady_error`, but for the standard deviation of the error instead of its mean."""
+        """Return the standard deviation of the error where `steady_error` takes the mean, on the same scale."""
         return self._late(lambda error: float(error.std()))
 
     def _late(self, measure: Callable[[Array], float]) -> float:

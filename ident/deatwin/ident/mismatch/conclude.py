@@ -35,7 +35,6 @@ from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.effects.base import Alone, Effect
-from deatwin.plant.effects.titles import effects_in_words
 from deatwin.plant.model import Plant
 
 MARGIN = 0.05
@@ -123,7 +122,7 @@ def _held_back(findings: Findings) -> Iterator[str]:
     held = [c for c in alone if takes_most(c, naming.base) and suffices(c, naming.base) and held_back_by(c)]
     for candidate in sorted(held, key=lambda c: -c.evidence)[:1]:
         yield (
-            f"{effects_in_words(candidate.effects[0])} would explain the recordings, but only with "
+            f"{_in_words(candidate)} would explain the recordings, but only with "
             f"{', '.join(held_back_by(candidate))} outside the allowed range"
         )
 
@@ -137,7 +136,7 @@ def _hardly_shown(findings: Findings) -> Iterator[str]:
         and not shows_its_cycles(best, findings.problem.everything)
     ):
         yield (
-            f"{effects_in_words(' and '.join(best.effects))} could explain the recordings, but less than a quarter of a "
+            f"{_in_words(best)} could explain the recordings, but less than a quarter of a "
             "cycle was recorded, and so short a part of a cycle cannot be distinguished from any other slow change"
         )
 

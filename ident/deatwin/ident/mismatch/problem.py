@@ -99,6 +99,6 @@ class DiagnosisProblem:
 
     @property
     def of_first(self) -> DiagnosisProblem:
-        """The same problem with the first reading only."""
+        """Return the same problem with the first reading only."""
         fitted, unseen, everything = map(first_only, (self.fitted, self.unseen, self.everything))
         return replace(self, fitted=fitted, unseen=unseen, everything=everything)

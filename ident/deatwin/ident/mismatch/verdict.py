@@ -89,7 +89,7 @@ class Interval:
 
     @property
     def shown(self) -> Shown:
-        """The same estimate and interval in a unit with a prefix, such as mm.
+        """Return the same estimate and interval in a unit with a prefix, such as mm.
 
         The estimate is shown as 0 if the interval contains zero and the estimate is below a thousandth of its width.
         """

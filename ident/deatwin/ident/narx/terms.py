@@ -221,7 +221,7 @@ class TermTable:
 
     @cached_property
     def functions(self) -> tuple[Variable, ...]:
-        """Those of ``variables`` that are functions of a signal."""
+        """Return the ``variables`` that are functions of a signal."""
         return tuple(variable for variable in self.variables if variable.shape is not None)
 
     def in_units(self, scales: Mapping[str, Array]) -> TermTable:

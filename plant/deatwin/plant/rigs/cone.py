@@ -66,23 +66,10 @@ class Cone(FilmActuator):
         :math:`F_s`, the largest force of the bistable spring, N; 0 for no bistable spring.
     snap_middle, snap_reach : float
         c and d, which determine the heights c - d and c + d of the bistable spring, m.
-    material : str or Material
-        Material, or its key in `deatwin.plant.MATERIALS`.
-    thickness : float
-        Thickness of the film before stretching, m.
     damping : float
         Damping constant of the moving part, N s/m; a start value for a fit.
-    gain : float
-        Gain of the amplifier: film volts per command volt.
-    start_ramp, start_hold : float
-        Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
-    start_is_known : bool
-        False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
-        the initial values of slow states, such as those of Maxwell branches, are fitted.
-    zero_is_known : bool
-        False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
-    direction : float
-        1 if the reading grows with the displacement, -1 if it falls.
+    material, thickness, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
+        Film, amplifier, start procedure and sensor; see `Diaphragm`.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 

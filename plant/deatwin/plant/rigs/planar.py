@@ -51,25 +51,12 @@ class Planar(FilmActuator):
         Stretch across the motion, without voltage; None for the value of `prestretch`.
     sides : {"equal", "free", "clamped"}
         Support of the sides.
-    material : str or Material
-        Material, or its key in `deatwin.plant.MATERIALS`.
-    thickness : float
-        Thickness of the film before stretching, m.
     mass, damping : float
         Mass (kg) and damping constant (N s/m) of the moving bar; the damping is a start value for a fit. Both act on
         the motion in direction 1 only. With equal sides, the forces in both directions drive this motion: the total
         force is twice the difference between the right and the left side of the equation above.
-    gain : float
-        Gain of the amplifier: film volts per command volt.
-    start_ramp, start_hold : float
-        Duration of the ramp and of the hold in the start procedure, s; see `StartProcedure`.
-    start_is_known : bool
-        False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
-        the initial values of slow states, such as those of Maxwell branches, are fitted.
-    zero_is_known : bool
-        False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
-    direction : float
-        1 if the reading grows with the displacement, -1 if it falls.
+    material, thickness, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
+        Film, amplifier, start procedure and sensor; see `Diaphragm`.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 

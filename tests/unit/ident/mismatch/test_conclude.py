@@ -9,10 +9,13 @@ import pytest
 from deatwin.ident.greybox import Part
 from deatwin.ident.mismatch import Verdict, conclude
 from deatwin.plant import Creep, Diaphragm, Experiment, Hysteresis, Plant, Recording, SensorDrift, SensorJump
+from deatwin.plant.effects.catalogue import effect_named
 
 
 def candidate(*effects: str, rms: float) -> SimpleNamespace:
-    return SimpleNamespace(effects=effects, losses=np.full(200, rms**2), noise=2.0)
+    plant = SimpleNamespace(effects=tuple(map(effect_named, effects)))
+    calibration = SimpleNamespace(plant=plant)
+    return SimpleNamespace(effects=effects, losses=np.full(200, rms**2), noise=2.0, calibration=calibration)
 
 
 BASE, PAIR = candidate(rms=10.0), candidate("creep", "delay", rms=2.1)
