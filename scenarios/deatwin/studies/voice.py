@@ -14,6 +14,7 @@ from typing import Any
 
 _GROWTH = 1.25  # Largest ratio of an estimate to the one before, so that a reader who plans by it is not set back
 _KNOWN = 0.05  # Share of the work after which its pace is known
+_LONG = 120.0  # Time after which any pace is told, s: whoever has waited so long plans by a rough number
 _KEPT = 5.0  # Least time between two increases of an estimate, s: on a terminal, each look would increase it
 
 
@@ -39,7 +40,7 @@ class TimeLeft:
             return None
         now, (began, before) = self._clock(), self._first
         done = self._share - before
-        if done <= 0.0 or done < _KNOWN * (1.0 - before):
+        if done <= 0.0 or (done < _KNOWN * (1.0 - before) and now - began < _LONG):
             return None
         estimate = (now - began) * (1.0 - self._share) / done
         told = (now, estimate) if self._told is None else self._told
@@ -55,7 +56,7 @@ class TimeLeft:
         if self._share > 1.0 - 1e-9:  # sums of shares are rounded
             return ""
         seconds = self.seconds
-        return "a few minutes left" if seconds is None else f"about {duration_in_words(seconds)} left"
+        return "unknown time left" if seconds is None else f"about {duration_in_words(seconds)} left"
 
 
 def duration_in_words(seconds: float) -> str:

@@ -91,11 +91,21 @@ def test_the_time_left_is_judged_by_what_this_run_did(
 def test_no_time_is_guessed_from_nothing() -> None:
     clock = Clock(waits=0)
     progress = PlainProgress("reading", clock)
-    assert progress.line == "reading, 0 % done, a few minutes left"
+    assert progress.line == "reading, 0 % done, unknown time left"
     progress.tell(0.0, "checking the recordings")
     clock.now += 100.0
     progress.tell(0.02, "calibrating")
-    assert progress.line == "calibrating, 2 % done, a few minutes left"
+    assert progress.line == "calibrating, 2 % done, unknown time left"
+
+
+def test_of_long_work_a_rough_estimate_is_told_early() -> None:
+    """Five of 500 equal cases in six minutes: 9.9 hours are left, and whoever waits must know."""
+    clock = Clock(waits=0)
+    progress = PlainProgress("study", clock)
+    progress.tell(0.0, "cases")
+    clock.now += 360.0
+    progress.tell(0.01, "cases")
+    assert progress.line == "cases, 1 % done, about 10 h left"
 
 
 def test_control_characters_do_not_pass() -> None:
@@ -116,7 +126,7 @@ def test_off_a_terminal_lines_go_to_stderr_while_the_work_runs(
     out, err = capsys.readouterr()
     assert out == ""
     for line in (lines + err).splitlines():
-        assert re.fullmatch(r"(reading, 0|fitting, 25) % done, a few minutes left", line)
+        assert re.fullmatch(r"(reading, 0|fitting, 25) % done, unknown time left", line)
     time.sleep(0.05)
     assert capsys.readouterr().err == ""  # with the work the lines end
 
