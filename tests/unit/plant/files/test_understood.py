@@ -100,6 +100,7 @@ def test_a_sample_time_in_one_cell_is_passed_over_beside_a_stated_one(write: Wri
     assert understand(path).options[-2:] == ("--dt", "SECONDS")
 
 
+@pytest.mark.usefixtures("in_one_process")
 @pytest.mark.parametrize(
     ("name", "text"),
     [
