@@ -90,10 +90,16 @@ def test_every_command_can_be_silent_and_speak_to_machines() -> None:
         assert {"quiet", "as_json"} <= {p.name for p in command.params}, name
 
 
+@pytest.fixture(scope="module")
+def identified(bench: Path) -> None:
+    """A model beside the recordings."""
+    files = [str(bench / "pulls.csv"), "--out", str(bench / "model.json")]
+    assert main(["identify", *files, *COLUMNS, "--method", "frols", "--quiet"]) == 0
+
+
 @pytest.fixture
-def at_work(on_bench: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def at_work(on_bench: Path, identified: None, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a rig, commands and a model, and one story that is told at once."""
-    assert main(["identify", "pulls.csv", *COLUMNS, "--method", "frols", "--quiet", "--out", "model.json"]) == 0
 
     def run(setting: Setting) -> dict[str, Any]:
         setting.folder.text("table.csv", "a\n1\n")
