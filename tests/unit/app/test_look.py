@@ -254,6 +254,6 @@ def test_periodic_files_that_do_not_fit_together_are_described_one_by_one(
     for name, step in (("a", 0.01), ("b", 0.02)):
         u, _, y = wiener(rng)
         table(f"{name}.csv", "time_s,command_V,displacement_mm", [step * np.arange(u.size), u, y])
-    assert main(["look", "a.csv", "b.csv", "--out", "looked"]) == 0
+    assert main(["look", "a.csv", "b.csv"]) == 0
     said = capsys.readouterr().out
     assert said.count("best linear approximation at 59 lines") == 2 and "all recordings together" not in said
