@@ -17,16 +17,7 @@ from deatwin.ident.mismatch.quality.quality import Soundness
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.mismatch.verify import standing
 from deatwin.ident.mismatch.verify.verify import verify
-from deatwin.plant import (
-    Creep,
-    Diaphragm,
-    ElectrodeRC,
-    Experiment,
-    PermittivityDrift,
-    Plant,
-    Recording,
-    SensorLag,
-)
+from deatwin.plant import Creep, Diaphragm, ElectrodeRC, Experiment, PermittivityDrift, Plant, Recording, SensorLag
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.excitation import band_limited_noise, random_holds
 from deatwin.plant.integrator.compiled import compiler

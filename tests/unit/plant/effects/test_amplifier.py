@@ -150,12 +150,7 @@ is no larger than both."""
 
 @pytest.mark.parametrize(
     ("commands", "quarters"),
-    [
-        *((STAIRS, quarters) for quarters in (1, 2, 4, 6, 7)),
-        (REVERSALS, 1),
-        (FROM_ZERO, 7),
-        (NOISE, 6),
-    ],
+    [*((STAIRS, quarters) for quarters in (1, 2, 4, 6, 7)), (REVERSALS, 1), (FROM_ZERO, 7), (NOISE, 6)],
     ids=["1", "2", "4", "6", "7", "reversals", "from 0 V", "noise"],
 )
 def test_a_delay_between_samples_is_one_of_whole_shorter_samples(commands, quarters):
