@@ -32,12 +32,6 @@ def motion(n: int = 400) -> list[np.ndarray]:
     return [0.1 * np.arange(n), u, y + 0.01 * RNG.normal(size=n)]
 
 
-@pytest.fixture
-def at_desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def told(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
     main(["look", *words, "--json"])
     found: dict[str, Any] = json.loads(capsys.readouterr().out)
