@@ -13,13 +13,7 @@ import pytest
 pytestmark = pytest.mark.extras
 
 ROOT = Path(__file__).parents[2]
-PAGES = (
-    "index",
-    "gallery",
-    "explanation/verdict",
-    "explanation/frequency",
-    "how-to/foreign-models",
-)
+PAGES = ("index", "gallery", "explanation/verdict", "explanation/frequency", "how-to/foreign-models")
 SCREENS = ((400, "light"), (1400, "dark"))
 SWALLOWED = re.compile(r"\n\s*(?:\d+\.|[-*]) \S")
 """The mark of a list's item inside of a paragraph: Markdown wants an empty line before it."""

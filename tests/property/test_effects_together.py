@@ -76,12 +76,7 @@ def test_an_effect_that_is_off_is_nothing_beside_others(effect):
     np.testing.assert_allclose(with_off, read_with(*others), rtol=0, atol=1e-12)
 
 
-NOT_EVEN = {
-    "amplifier_offset",
-    "amplifier_slew",
-    "periodic_disturbance_at_command",
-    "sensor_drift_at_command",
-}
+NOT_EVEN = {"amplifier_offset", "amplifier_slew", "periodic_disturbance_at_command", "sensor_drift_at_command"}
 """Under a whole experiment of opposite polarity: what adds a voltage, or treats rise and fall differently."""
 NOT_BLIND_TO_REVERSALS = {
     *NOT_EVEN,

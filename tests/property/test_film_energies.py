@@ -5,12 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deatwin.plant.laws.dielectric import (
-    conduction_density,
-    electric_energy,
-    electrostriction_factors,
-    maxwell_stress,
-)
+from deatwin.plant.laws.dielectric import conduction_density, electric_energy, electrostriction_factors, maxwell_stress
 from deatwin.plant.laws.energies import arruda_boyce, gent, mooney_rivlin, neo_hookean, ogden, yeoh
 from deatwin.plant.laws.permittivity import stretched
 from deatwin.plant.laws.stress import nominal_stress, tangent, true_stress

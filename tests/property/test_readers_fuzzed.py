@@ -52,11 +52,7 @@ KINDS = (
     "pull",
 )
 DOCUMENTS = ("plant", "narx", "linear", "diagnosis", "check", "theta", "validation")
-STUDIES = (
-    "seal",
-    "shown run",
-    "former run",
-)
+STUDIES = ("seal", "shown run", "former run")
 """JSON that studies keep."""
 BINARY = ("xlsx", "mat", "mat73", "tdms", "netcdf", "netcdf4", "case", "public mat", "public hdf5", "pull")
 """No text."""

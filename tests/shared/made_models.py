@@ -16,12 +16,7 @@ from deatwin.plant import RunStatus
 def linear_model(numerator: ArrayLike, denominator: ArrayLike, **given: Any) -> LinearModel:
     """A linear model that is known exactly, of 0.02 s, about zero."""
     size = np.size(numerator) + np.size(denominator) - 1
-    plain = {
-        "covariance": np.zeros((size, size)),
-        "sample_time": 0.02,
-        "operating_input": 0.0,
-        "operating_output": 0.0,
-    }
+    plain = {"covariance": np.zeros((size, size)), "sample_time": 0.02, "operating_input": 0.0, "operating_output": 0.0}
     return LinearModel(numerator=numerator, denominator=denominator, **{**plain, **given})
 
 

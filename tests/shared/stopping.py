@@ -1,8 +1,13 @@
-"""A progress that interrupts the work that tells it."""
+"""Ctrl-C: a function in whose place it comes, and a progress that interrupts the work that tells it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NoReturn
+
+
+def interrupted(*_: object, **__: object) -> NoReturn:
+    raise KeyboardInterrupt
 
 
 class StopAt:

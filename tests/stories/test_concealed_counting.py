@@ -92,10 +92,7 @@ MADE: list[tuple[dict[str, Any], dict[str, Any]]] = [
     (spec("e2", "effect", "rub"), done("named", "hysteresis", ratio=2.0)),
     (spec("e3", "effect", "rub"), done("named", "creep", ratio=1.5, probability=0.7, term="s")),
     (spec("e4", "effect", "slow_flow"), done("none", ratio=0.6, check={**CLEAN, "oracle": 1e-6})),
-    (
-        spec("e5", "effect", "glass_lag"),
-        tied(apart=3.0, check={"base": 4e-6, "diagnosis": 3e-6, "oracle": 2e-6}),
-    ),
+    (spec("e5", "effect", "glass_lag"), tied(apart=3.0, check={"base": 4e-6, "diagnosis": 3e-6, "oracle": 2e-6})),
     (spec("e6", "effect", "glass_lag", ratio=0.3), done("none", ratio=0.3)),
     (spec("e7", "effect", "slow_flow", ratio=1.6), {"status": "error", "message": "ValueError: no"}),
     (spec("o1", "outside", "aether"), done("unknown", ratio=1.0)),

@@ -143,10 +143,7 @@ def test_the_page_says_who_differs_and_who_drifts(setting: Setting, tmp_path: Pa
     told: list[tuple[float, str]] = []
     setting = replace(setting, progress=lambda share, text: told.append((share, text)))
     result = frequency_uncertainty.run(setting)
-    page = story_page(
-        tmp_path,
-        "complex plane gain_phase higher_orders spectra fleet spread".split(),
-    )
+    page = story_page(tmp_path, "complex plane gain_phase higher_orders spectra fleet spread".split())
     assert json.loads((tmp_path / "frequency-uncertainty.json").read_text(encoding="utf-8")) == result
     rows = {row["measure"]: row["passed"] for row in result["measures"]}
     assert f"{sum(rows.values())} of {len(rows)} goals reached" in page

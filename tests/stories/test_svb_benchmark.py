@@ -14,15 +14,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.records import plain
 from deatwin.scenarios import svb_benchmark
 from deatwin.scenarios.svb_benchmark import draws, study
-from deatwin.scenarios.svb_benchmark.draws import (
-    METHODS,
-    Contrast,
-    Trial,
-    consult,
-    draw_of,
-    system_of,
-    try_out,
-)
+from deatwin.scenarios.svb_benchmark.draws import METHODS, Contrast, Trial, consult, draw_of, system_of, try_out
 from deatwin.scenarios.svb_benchmark.page import judge
 from deatwin.scenarios.svb_benchmark.study import WHITE, Answer, Draws, Plan, Study, carry_out
 from deatwin.studies.stories import Setting

@@ -180,9 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from deatwin.plant.files import write_text_atomic
 
     parser = argparse.ArgumentParser(
-        prog="python tests/tools/evidence.py",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        prog="python tests/tools/evidence.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("docs", type=Path, help="folder of the documents")
     parser.add_argument("--control-check", type=Path, metavar="FOLDER", help="the trials of that scenario")

@@ -85,3 +85,10 @@ def root(tmp_path: Path) -> Path:
     for path in (root / "noise.csv", tmp_path / "secret.csv"):
         path.write_text("time_s,command_V,displacement_mm\n0.00,2.0,0.3\n", encoding="utf-8")
     return root
+
+
+@pytest.fixture
+def at_desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder, as the working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

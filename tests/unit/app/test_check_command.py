@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pages import report_alone
+from stopping import interrupted
 from strips import COLUMNS, MODULE, pulled, record, strip, write
 
 from deatwin.app import checking
@@ -222,9 +223,6 @@ def test_what_cannot_be_met_is_an_answer(
 def test_an_interrupt_leaves_nothing_half_written(
     at_desk: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*arguments: object, **named: object) -> None:
-        raise KeyboardInterrupt
-
     monkeypatch.setattr(checking, "check_design", interrupted)
     assert main(["check", "narx.json", *PLANT, "--out", "cut"]) == 130
     assert "error: interrupted; nothing was written to cut" in capsys.readouterr().err

@@ -16,7 +16,7 @@ import pytest
 from strips import COLUMNS
 from typer.main import get_command
 
-from deatwin.app import options
+from deatwin.app import frequency_report, options
 from deatwin.app import stories as app_stories
 from deatwin.app.cli import app, main
 from deatwin.app.options import fold_experiments
@@ -90,10 +90,16 @@ def test_every_command_can_be_silent_and_speak_to_machines() -> None:
         assert {"quiet", "as_json"} <= {p.name for p in command.params}, name
 
 
+@pytest.fixture(scope="module")
+def identified(bench: Path) -> None:
+    """A model beside the recordings."""
+    files = [str(bench / "pulls.csv"), "--out", str(bench / "model.json")]
+    assert main(["identify", *files, *COLUMNS, "--method", "frols", "--quiet"]) == 0
+
+
 @pytest.fixture
-def at_work(on_bench: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def at_work(on_bench: Path, identified: None, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a rig, commands and a model, and one story that is told at once."""
-    assert main(["identify", "pulls.csv", *COLUMNS, "--method", "frols", "--quiet", "--out", "model.json"]) == 0
 
     def run(setting: Setting) -> dict[str, Any]:
         setting.folder.text("table.csv", "a\n1\n")
@@ -119,8 +125,9 @@ QUICK = [
 
 @pytest.mark.parametrize("line", QUICK)
 def test_quiet_says_nothing_and_json_is_one_document(
-    line: str, at_work: Path, capsys: pytest.CaptureFixture[str]
+    line: str, at_work: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))  # other tests draw
     arguments = shlex.split(line)
     assert main([*arguments, "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")

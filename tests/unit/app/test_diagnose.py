@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pages import report_alone
+from stopping import interrupted
 
 from deatwin.app.cli import main
 from deatwin.ident.mismatch import Diagnosis, how_sure, next_step
@@ -103,9 +104,6 @@ def test_an_interrupt_says_what_exists(
     results: Path, on_bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from deatwin.studies import diagnosing
-
-    def interrupted(*arguments: object) -> None:
-        raise KeyboardInterrupt
 
     model = CalibratedPlant.load(results / "model.json")
     diagnosis = replace(Diagnosis.load(results / "diagnosis.json"), model=model)

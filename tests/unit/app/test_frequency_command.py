@@ -144,7 +144,7 @@ def two_inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_several_inputs_have_responses_of_their_own_and_cross_kernels(
-    two_inputs: Path, capsys: pytest.CaptureFixture[str]
+    two_inputs: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     command = ["frequency", "narx.json", "--out", "response"]
     assert main([*command, "--order", "2"]) == 0
@@ -164,6 +164,7 @@ def test_several_inputs_have_responses_of_their_own_and_cross_kernels(
     assert "H₂(volts, heat)" in page and page.count("<figure>") == 5
     assert "operating input volts = 0 V, heat = 0 K" in capsys.readouterr().out
     # About other constant inputs, each product adds to the first order: 0.4 + 0.1 * 3 and 0.2 + 0.1 * 2.
+    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
     assert main([*command, "--json", "--operating-input", "2", "--operating-input", "3"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["inputs"], told["operating_input"], told["order"]) == (["volts", "heat"], [2.0, 3.0], 1)
@@ -280,7 +281,10 @@ def test_only_a_model_with_a_covariance_has_bands(tmp_path: Path, known: bool) -
     assert ("no covariance" in page) is not known
 
 
-def test_the_next_step_names_check_only_for_a_model_that_check_takes(two_inputs: Path) -> None:
+def test_the_next_step_names_check_only_for_a_model_that_check_takes(
+    two_inputs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
     assert main(["frequency", "narx.json", "--out", "response"]) == 0
     page = (two_inputs / "response/report.html").read_text(encoding="utf-8")
     assert "use the responses at this operating point." in page

@@ -526,7 +526,7 @@ def test_what_is_wrong_is_said_in_one_line(
     assert not any((at_desk / "new").glob("*")) and not (at_desk / "new").is_file()
 
 
-@pytest.mark.parametrize("given", ["simulate key.toml good.csv", "frequency list.json", "scenario"])
+@pytest.mark.parametrize("given", ["simulate key.toml good.csv", "scenario"])
 def test_a_process_says_the_same_and_ends_with_the_status(given: str, desk: Path) -> None:
     row = next(row for row in ROWS if row.given == given)
     program = [sys.executable, "-c", "import sys; from deatwin.app.cli import main; sys.exit(main())"]

@@ -21,11 +21,11 @@ def test_an_odd_distortion_asks_for_an_odd_degree(
     np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="time_s,command_V,displacement_mm", comments="")
     options = ["--method", "frols", "--output-lags", "1", "--input-lags", "2", "--max-terms", "4"]
     out = tmp_path / "found"
-    assert (
-        main(["identify", str(tmp_path / "a.csv"), *options, "--out", str(tmp_path / "m.json"), "--report", str(out)])
-        == 0
-    )
+    report = ["--report", str(out)] if said else []
+    assert main(["identify", str(tmp_path / "a.csv"), *options, "--out", str(tmp_path / "m.json"), *report]) == 0
     assert ("allow terms of the third degree (--degree 3)" in capsys.readouterr().out) is said
     assert main(["look", str(tmp_path / "a.csv")]) == 0
     assert ("--degree 3" in capsys.readouterr().out) is said
-    assert "Best linear approximation, estimated without a model" in (out / "report.html").read_text(encoding="utf-8")
+    if said:
+        page = (out / "report.html").read_text(encoding="utf-8")
+        assert "Best linear approximation, estimated without a model" in page

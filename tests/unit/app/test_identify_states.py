@@ -21,13 +21,7 @@ def recorded(pole, n=400):
     np.savetxt("lag.csv", rows, delimiter=",", header=header, comments="")
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def test_ctrl_c_leaves_the_best_model(folder, monkeypatch, capsys):
+def test_ctrl_c_leaves_the_best_model(at_desk, monkeypatch, capsys):
     kept, calls = search.triangle, []
 
     def interrupted(*arguments):
@@ -44,15 +38,15 @@ def test_ctrl_c_leaves_the_best_model(folder, monkeypatch, capsys):
     finally:
         signal.signal(signal.SIGINT, before)
     assert "interrupted: the model is the best" in capsys.readouterr().out
-    assert NonlinearStateSpace.load(folder / "nss.json").n_states == 1
+    assert NonlinearStateSpace.load(at_desk / "nss.json").n_states == 1
 
 
 @pytest.mark.parametrize(("pole", "told"), [(0.8, False), (1.02, True)])
-def test_an_unstable_plant_is_noted(folder, capsys, pole, told):
+def test_an_unstable_plant_is_noted(at_desk, capsys, pole, told):
     recorded(pole)
     assert main([*ARGUMENTS, "--report", "told"]) == 0
     said = capsys.readouterr().out
     assert ("note: " in said) is told and ("unstable pole, |z| = 1.02" in said) is told
-    page = (folder / "told" / "report.html").read_text(encoding="utf-8")
+    page = (at_desk / "told" / "report.html").read_text(encoding="utf-8")
     assert "A nonlinear state space of order 1" in page and "linear output-error model of the same order" in page
-    assert ("unstable pole" in page) is told and (folder / "told" / "figures" / "free_run_1.csv").is_file()
+    assert ("unstable pole" in page) is told and (at_desk / "told" / "figures" / "free_run_1.csv").is_file()

@@ -17,6 +17,7 @@ import jsonschema
 import numpy as np
 import pytest
 from made_diagnoses import DIAGNOSIS
+from stopping import interrupted
 
 from deatwin.app import cli
 from deatwin.app.cli import main
@@ -268,10 +269,7 @@ def test_a_fit_is_shown_where_no_share_is_told_and_kept_where_it_is_interrupted_
 def test_before_the_first_step_nothing_is_written(
     on_bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def at_once(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(partial.FinishedSteps, "tell", at_once)
+    monkeypatch.setattr(partial.FinishedSteps, "tell", interrupted)
     assert main([*DIAGNOSE, "early"]) == 130
     assert "no step was finished" in capsys.readouterr().err
     assert not (on_bench / "early").exists()

@@ -32,12 +32,6 @@ def motion(n: int = 400) -> list[np.ndarray]:
     return [0.1 * np.arange(n), u, y + 0.01 * RNG.normal(size=n)]
 
 
-@pytest.fixture
-def at_desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def told(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
     main(["look", *words, "--json"])
     found: dict[str, Any] = json.loads(capsys.readouterr().out)
@@ -254,6 +248,6 @@ def test_periodic_files_that_do_not_fit_together_are_described_one_by_one(
     for name, step in (("a", 0.01), ("b", 0.02)):
         u, _, y = wiener(rng)
         table(f"{name}.csv", "time_s,command_V,displacement_mm", [step * np.arange(u.size), u, y])
-    assert main(["look", "a.csv", "b.csv", "--out", "looked"]) == 0
+    assert main(["look", "a.csv", "b.csv"]) == 0
     said = capsys.readouterr().out
     assert said.count("best linear approximation at 59 lines") == 2 and "all recordings together" not in said

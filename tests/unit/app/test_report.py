@@ -243,8 +243,14 @@ def with_everything() -> Diagnosis:
     )
 
 
-def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
-    page = page_of(with_everything(), tmp_path)
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The page with everything."""
+    return page_of(with_everything(), tmp_path_factory.mktemp("whole"))
+
+
+def test_the_page_shows_every_step_in_order(whole: str) -> None:
+    page = whole
     outline = Page(page)
     assert outline.headings == [
         "What the model lacks",
@@ -302,8 +308,8 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         assert text in page, text
 
 
-def test_greys_of_the_figures_follow_the_page(tmp_path: Path) -> None:
-    drawn = "".join(re.findall(r"<svg.*?</svg>", page_of(with_everything(), tmp_path), re.DOTALL))
+def test_greys_of_the_figures_follow_the_page(whole: str) -> None:
+    drawn = "".join(re.findall(r"<svg.*?</svg>", whole, re.DOTALL))
     assert "color-mix(in srgb, var(--ink) 50%, var(--page))" in drawn  # 0.5, half way between ink and page
     assert re.search(r"#([0-9a-f]{2})\1\1\b", drawn) is None
 

@@ -5,14 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deatwin.ident.drifts import (
-    at_same_input,
-    fast_part,
-    gain_change,
-    mean_shift,
-    moving_mean,
-    roughness,
-)
+from deatwin.ident.drifts import at_same_input, fast_part, gain_change, mean_shift, moving_mean, roughness
 from deatwin.plant.errors import DataError
 from deatwin.plant.excitation import band_limited_noise
 

@@ -297,11 +297,7 @@ EXPECTED = {
         | along("frequency", "Hz", frequency=BANDS.frequency),
         {},
     ),
-    "lines": (
-        LINES,
-        along("", "s", period=4.0),
-        {},
-    ),
+    "lines": (LINES, along("", "s", period=4.0), {}),
     "regions": (
         REGIONS,
         along("region", "µm", region_mean_residual=[-4.0])

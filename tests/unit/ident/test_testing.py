@@ -25,7 +25,7 @@ OURS = [
     Lasso(max_terms=6),
     SvbNarx(),
     Semp(max_terms=6),
-    Grow(max_terms=6),
+    Grow(degree=1, max_terms=4),
     Fixed(terms=TERMS, estimator=Bayesian()),
     Fixed(terms=TERMS, estimator=TotalLeastSquares()),
     Narmax(Fixed(terms=TERMS), criterion="none", max_noise_terms=1),

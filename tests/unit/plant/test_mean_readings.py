@@ -8,15 +8,7 @@ from lag import GAIN, HOLD, TIME, Lag, mean
 from rig_files import SOUND
 
 from deatwin.ident.greybox.filter_openings import places
-from deatwin.plant import (
-    Delay,
-    Diaphragm,
-    Experiment,
-    Plant,
-    Reading,
-    ReadingTime,
-    Recording,
-)
+from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Reading, ReadingTime, Recording
 from deatwin.plant.decimation import decimate
 from deatwin.plant.rigs.rigfile import RigFile
 from deatwin.plant.small_signal import small_signals

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.io import savemat
+from stopping import interrupted
 
 from deatwin.app import stories
 from deatwin.app.cli import main
@@ -15,7 +16,7 @@ from deatwin.plant.errors import DataError
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.public.records import cascaded_tanks, emps, silverbox_table
 from deatwin.studies.public.sources import SOURCES, data_folder, origins
-from deatwin.studies.stories import Setting, Story
+from deatwin.studies.stories import Story
 
 pytestmark = pytest.mark.usefixtures("in_one_process")
 
@@ -159,10 +160,7 @@ def test_what_is_written_stays(tmp_path: Path) -> None:
 
 
 def test_an_interrupted_story_leaves_no_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped(setting: Setting) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setitem(sys.modules, "stopped_story", SimpleNamespace(run=stopped))  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "stopped_story", SimpleNamespace(run=interrupted))  # type: ignore[arg-type]
     own = Story(name="stopped", line="", minutes=1, module="stopped_story")
     monkeypatch.setattr(stories, "entry_points", lambda group: [SimpleNamespace(load=lambda: (own,))])
     assert main(["scenario", "stopped", "--out", str(tmp_path / "new"), "--quiet"]) == 130

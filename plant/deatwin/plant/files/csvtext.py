@@ -56,7 +56,7 @@ NO_VALUE = frozenset(
 """Marks of a missing value, in lower case: words and dashes, C's numbers that are none, and errors of Excel."""
 _FACTOR = re.compile(r"[xX×*]\s?(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)")
 _COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
-_GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|[\d:]*\d:\d\d,\d{3}(?!\d)")
+_GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|(?<![\d:])[\d:]*\d:\d\d,\d{3}(?!\d)")
 _THOUSANDS = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+(?![\d:])(?:\.\d+)?")
 _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # Blanks that are neither before nor inside brackets
 _INDEX_LINE = re.compile(r"([^,;\t|]*)(([,;\t|])\3*)")  # At most a name, and empty cells

@@ -81,7 +81,7 @@ class TimeScale:
         except ValueError:
             zone = (
                 "; give a time zone as an offset from UTC, +02:00"
-                if re.search(r"\d.*[A-Za-z]{3}[^A-Za-z]*$", cell)
+                if re.match(r"\D*\d.*[A-Za-z]{3}[^A-Za-z]*$", cell)
                 else ""
             )
             return f'"{clipped(cell)}" is not a date, such as 2024-05-01 12:00:00.25 or 1.5.2024 12:00:00{zone}'

@@ -9,8 +9,9 @@ doi:10.1007/978-3-642-05221-7). By Newton's method a step solves
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -40,7 +41,7 @@ class StepFunctions:
 
     plain: ca.Function
     sensitive: ca.Function
-    in_lanes: Exchange
+    in_lanes: Callable[[], Exchange]  # writing this code takes long, and only a compiler needs it
 
 
 def step_functions(equations: Equations) -> StepFunctions:
@@ -72,7 +73,7 @@ def step_functions(equations: Equations) -> StepFunctions:
     if place is not None and (equations.integrals or equations.shifts):
         plain = _begun(plain, (0,), equations, place)
         sensitive = _begun(sensitive, (0, 2), equations, place)
-    return StepFunctions(plain=plain, sensitive=sensitive, in_lanes=stages.in_lanes)
+    return StepFunctions(plain=plain, sensitive=sensitive, in_lanes=cache(stages.in_lanes))
 
 
 def _begun(step: ca.Function, rows: Sequence[int], equations: Equations, place: int) -> ca.Function:

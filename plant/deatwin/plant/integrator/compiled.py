@@ -9,7 +9,7 @@ import platform
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -56,7 +56,6 @@ LOOPS = ("-O3",)  # Compiler options that speed up code with loops, but not stra
 THIS_PROCESSOR = "-march=native"
 WIDE_VECTORS = "__AVX__"
 """Macro that a compiler defines if its vectors hold at least four numbers; with fewer, lanes gain nothing."""
-AS_WRITTEN = Exchange()
 ONE_AT_A_TIME = Lock()  # Lock that makes threads wait for the one that already builds the library they need
 SAID = "DEATWIN_SAID"  # Environment variable that records warnings, so that worker processes do not repeat them
 
@@ -118,7 +117,7 @@ def recalled(names: Iterable[str], key: str | None) -> dict[str, ca.Function] | 
 
 
 def compile_functions(
-    functions: Mapping[str, ca.Function], in_lanes: Exchange = AS_WRITTEN, key: str | None = None
+    functions: Mapping[str, ca.Function], in_lanes: Callable[[], Exchange] = Exchange, key: str | None = None
 ) -> dict[str, ca.Function]:
     """Return the functions, compiled if possible."""
     program = compiler()
@@ -134,7 +133,7 @@ def compile_functions(
     try:
         target = _target(program)
         if target.wide_vectors:
-            source = in_lanes.into(source)
+            source = in_lanes().into(source)
         library = _library(source, target)
         if key is not None:
             with replacing(cache_folder() / f"{key}.txt") as note:

@@ -146,9 +146,8 @@ class Stages:
         columns, times = ca.reshape(w, self.n, self.count), t + ca.DM(self.nodes).T * h
         return list(function.call([columns, d, u, times, p, c]))
 
-    @property
     def in_lanes(self) -> Exchange:
-        """C code with vector instructions for evaluations and solutions at several stages, if there are any."""
+        """Return C code with vector instructions for evaluations and solutions at several stages, if there are any."""
         pattern = self.jacobian.sparsity_out(1)
         helpers: dict[str, str] = {}
         beginnings: dict[str, str] = {}

@@ -9,16 +9,7 @@ from made_models import controller_of
 from made_narx import trajectory_of
 from stopping import StopAt
 
-from deatwin.control import (
-    Check,
-    Law,
-    Limit,
-    Specification,
-    Verdict,
-    controller_to_dict,
-    lambda_tuning,
-    linearise,
-)
+from deatwin.control import Check, Law, Limit, Specification, Verdict, controller_to_dict, lambda_tuning, linearise
 from deatwin.ident.narx import ThetaTrajectory
 from deatwin.plant import CalibratedPlant
 

@@ -175,8 +175,7 @@ def test_an_unstable_loop_and_a_wrong_level_are_refused():
         band_margins(linear(), *PI, level=1.0)
     with pytest.raises(ModelError):
         band_margins(
-            linear_model([0.0], [1.0], covariance=[[0.0]], operating_output=None, status=_no_equilibrium()),
-            *PI,
+            linear_model([0.0], [1.0], covariance=[[0.0]], operating_output=None, status=_no_equilibrium()), *PI
         )
 
 

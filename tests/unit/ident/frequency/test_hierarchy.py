@@ -14,10 +14,7 @@ from deatwin.plant.errors import ModelError
 TERMS = {"y(k-1)": 0.5, "y(k-2)": 0.1, "u(k-1)": 0.4, "y(k-1)^2": 0.2, "y(k-1)y(k-2)u(k)": -0.1, "u(k)^2u(k-1)": 0.3}
 MODEL = NarxModel.from_terms(TERMS, sample_time=1.0)
 ANGLES = np.random.default_rng(0).uniform(-3, 3, (5, 3))
-PARTS = {
-    "sets": (lambda: Tones(ANGLES), 7),
-    "orders": (lambda: Orders(np.random.default_rng(1).normal(size=12), 3), 3),
-}
+PARTS = {"sets": (lambda: Tones(ANGLES), 7), "orders": (lambda: Orders(np.random.default_rng(1).normal(size=12), 3), 3)}
 
 
 @pytest.mark.parametrize("kind", PARTS)

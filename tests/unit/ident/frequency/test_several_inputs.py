@@ -6,26 +6,12 @@ import numpy as np
 import pytest
 from slopes import differences
 
-from deatwin.ident.frequency import (
-    gfrf,
-    nofrf,
-    nofrf_exact,
-    output_orders,
-    output_spectrum,
-    remove_dc,
-)
+from deatwin.ident.frequency import gfrf, nofrf, nofrf_exact, output_orders, output_spectrum, remove_dc
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import ModelError, Recording
 
 A, B, C, D, E, F = 0.5, 0.8, -0.3, 0.2, 0.1, 0.15
-TERMS = {
-    "y(k-1)": A,
-    "u1(k-1)": B,
-    "u2(k-2)": C,
-    "u1(k-1)u2(k-1)": D,
-    "y(k-1)u2(k-1)": E,
-    "u2(k-1)^2": F,
-}
+TERMS = {"y(k-1)": A, "u1(k-1)": B, "u2(k-2)": C, "u1(k-1)u2(k-1)": D, "y(k-1)u2(k-1)": E, "u2(k-1)^2": F}
 MODEL = NarxModel.from_terms(TERMS, sample_time=1.0, theta_cov=1e-4 * np.eye(len(TERMS)))
 W = np.random.default_rng(0).uniform(-3.0, 3.0, (20, 2))
 

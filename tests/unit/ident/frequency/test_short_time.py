@@ -8,10 +8,7 @@ from made_narx import trajectory_of
 
 from deatwin.ident.frequency.varying.short_time import BANDS, compare_windows, series_error, short_time, windows_of
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.wander import (
-    CONSTANT,
-    VARYING,
-)
+from deatwin.ident.narx.wander import CONSTANT, VARYING
 from deatwin.plant.recording import Recording
 
 STEP = 0.12

@@ -17,16 +17,7 @@ from deatwin.ident.mismatch.quality.quality import Soundness
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.mismatch.verify import standing
 from deatwin.ident.mismatch.verify.verify import verify
-from deatwin.plant import (
-    Creep,
-    Diaphragm,
-    ElectrodeRC,
-    Experiment,
-    PermittivityDrift,
-    Plant,
-    Recording,
-    SensorLag,
-)
+from deatwin.plant import Creep, Diaphragm, ElectrodeRC, Experiment, PermittivityDrift, Plant, Recording, SensorLag
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.excitation import band_limited_noise, random_holds
 from deatwin.plant.integrator.compiled import compiler
@@ -233,7 +224,7 @@ def doubted() -> Diagnosis:
             return replace(found, ablations=tuple(replace(a, **no_longer.get(a.effect, {})) for a in found.ablations))
 
         patch.setattr(standing, "verify", unsure)
-        hidden = recorded(ElectrodeRC(time=0.05), Creep(modulus=20e3, time=20.0))
+        hidden = recorded(ElectrodeRC(time=0.05), Creep(modulus=20e3, time=20.0), share=0.5)
         return diagnose(NOMINAL, hidden, effects=CATALOGUE[:2], jobs=2)
 
 
@@ -258,7 +249,7 @@ def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
 def test_a_rival_on_another_form_of_the_rig_has_its_own_distance():
     """A lag of the sensor is no delay, unless readings were taken a sample later than the rig file says."""
     rng, rig = np.random.default_rng(1), Plant(rig=Diaphragm(noise=8e-6))
-    noise = band_limited_noise(rng, 40.0, 0.02)
+    noise = band_limited_noise(rng, 24.0, 0.02)
     blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))
     hidden = rig.with_effects(effect_named("delay")).record(blank, rng)
     found = diagnose(rig, hidden, effects=[effect_named("delay"), effect_named("sensor_lag")])

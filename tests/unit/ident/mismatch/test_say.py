@@ -199,12 +199,7 @@ DETECTED = DetectionSummary(
     origin=ORIGIN,
 )
 REFUTED = VerificationSummary(
-    holds=False,
-    failures=("creep backwards in time does as well",),
-    gain_low=-0.2,
-    ablation=(),
-    shams=(),
-    transfer=(),
+    holds=False, failures=("creep backwards in time does as well",), gain_low=-0.2, ablation=(), shams=(), transfer=()
 )
 LEFT = Unexplained(
     rms=1.2345,
@@ -244,9 +239,7 @@ DIAGNOSES = {
     "ambiguous, heavier": made_up(Verdict.AMBIGUOUS, JUMP, advice=replace(ADVICE, added_mass_g=4.5)),
     "ambiguous, surely": made_up(Verdict.AMBIGUOUS, CREEP, advice=replace(ADVICE, confusion_after=1e-269)),
     "ambiguous, in part": made_up(
-        Verdict.AMBIGUOUS,
-        CREEP,
-        advice=replace(ADVICE, undecided=("creep", "leakage"), measure="the current"),
+        Verdict.AMBIGUOUS, CREEP, advice=replace(ADVICE, undecided=("creep", "leakage"), measure="the current")
     ),
     "ambiguous for good": made_up(Verdict.AMBIGUOUS, CREEP, advice=NO_INPUT),
     "partly, when": made_up(Verdict.PARTLY, CREEP, unexplained=LEFT),
@@ -392,11 +385,7 @@ def test_each_verdict_says_only_what_it_may():
     ("causes", "rivals", "said"),
     [
         ((CREEP, JUMP), (("sensor_jump",),), "creep and sensor jump, or sensor jump alone. "),
-        (
-            (CREEP, JUMP),
-            (("sensor_jump",), ("creep",)),
-            "creep and sensor jump, sensor jump alone, or creep alone. ",
-        ),
+        ((CREEP, JUMP), (("sensor_jump",), ("creep",)), "creep and sensor jump, sensor jump alone, or creep alone. "),
         (
             (CREEP, JUMP),
             (("sensor_jump", "delay"), ("delay",)),

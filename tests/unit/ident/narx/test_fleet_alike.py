@@ -33,9 +33,7 @@ def test_the_shortest_of_equally_good_structures(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(alike, "_passed", lambda *_: next(calls))
     rows = iter(range(3))
     monkeypatch.setattr(
-        alike,
-        "_free_run_errors",
-        lambda structures, *_: [errors[s][i] for i in [next(rows)] for s in structures],
+        alike, "_free_run_errors", lambda structures, *_: [errors[s][i] for i in [next(rows)] for s in structures]
     )
     structure, chosen, tried = choose_structure(records, plan_of())
     assert structure == ("a", "b") and tried == 4  # type: ignore[comparison-overlap]

@@ -87,10 +87,7 @@ def test_criteria_as_written_in_the_literature():
     rows, target = rng.normal(size=(9, 40)), rng.normal(size=40)
     path = list(forward_selection(rows.copy(), target, 3))
     n, p, k, s = 40, 9, 3, path[2].residual / 40
-    expected = {
-        "aic": n * math.log(s) + 2 * k,
-        "bic": n * math.log(s) + k * math.log(n),
-    }
+    expected = {"aic": n * math.log(s) + 2 * k, "bic": n * math.log(s) + k * math.log(n)}
     for name, value in expected.items():
         assert criterion_values(name, path, target, p)[2] == pytest.approx(value, rel=1e-12)
     # EBIC (Chen and Chen 2008, gamma = 1), of which only differences matter

@@ -7,7 +7,7 @@ import pytest
 from made_narx import bilinear
 from scipy import integrate
 from scipy.special import gammaln
-from stopping import StopAt
+from stopping import StopAt, interrupted
 
 from deatwin.ident.narx import SvbNarx, svb
 from deatwin.ident.narx.bayes import Priors, Statistics, fit_relevance, invert_triangle, posterior
@@ -151,9 +151,6 @@ def test_an_interrupt_keeps_the_best_so_far():
 
 
 def test_an_interrupt_before_anything_is_found_goes_on(monkeypatch):
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-
     monkeypatch.setattr(svb, "fit_relevance", interrupted)
     with pytest.raises(KeyboardInterrupt):
         SvbNarx().fit(bilinear())

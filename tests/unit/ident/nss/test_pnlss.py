@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from new_readings import require_hold
 from scipy.signal import dlsim, lfilter
-from stopping import StopAt
+from stopping import StopAt, interrupted
 
 from deatwin.ident.narx import FitStatus
 from deatwin.ident.nss import NonlinearStateSpace, Pnlss
@@ -273,12 +273,8 @@ def test_an_interrupt_of_the_last_search_is_told(monkeypatch):
     )
     whole = [Record(inputs=np.ones((1, 9)), outputs=np.ones((1, 9)), fitted=9)]
     start = judged(system, np.zeros((1, 1)), whole)
-    monkeypatch.setattr("deatwin.ident.nss.search.triangle", _interrupt)
+    monkeypatch.setattr("deatwin.ident.nss.search.triangle", interrupted)
     assert _on_all(Found(point=start, steps=1, overfitted=True), start, whole, 9).interrupted
-
-
-def _interrupt(*_):
-    raise KeyboardInterrupt
 
 
 def test_a_run_that_diverges_at_once_holds_the_origin():

@@ -41,12 +41,7 @@ class Chain(Bare):
         build.rate(swelling, (build.command / 3) ** 2 - swelling, mass=0.1)
         build.watch("capacitance", 1e-9 * (1 + swelling))
         point = FilmPoint(volume=self.volume, stretches=self.stretches, radius=0.5)
-        film = Film(
-            points=[point],
-            elastic=0.0,
-            relaxed=lambda xi: [(xi, xi)],
-            prestretches=(1.0, 1.0),
-        )
+        film = Film(points=[point], elastic=0.0, relaxed=lambda xi: [(xi, xi)], prestretches=(1.0, 1.0))
         build.share("film", film)
         command = build.watch("acting_command", build.place(Place.DRIVE, "command", build.command))
         voltage = build.parameter("gain") * command

@@ -125,9 +125,9 @@ def test_a_delay_outside_of_its_range_is_the_nearest_to_first_order():
 
 
 FILM = Plant(rig=Diaphragm())
-STAIRS = np.repeat(np.random.default_rng(3).uniform(1.2, 3.2, 20), 25)
-FROM_ZERO = np.repeat(np.resize([0.0, 3.0], 20), 25)
-REVERSALS = STAIRS * np.repeat(np.resize([1.0, -1.0], 20), 25)
+STAIRS = np.repeat(np.random.default_rng(3).uniform(1.2, 3.2, 8), 25)
+FROM_ZERO = np.repeat(np.resize([0.0, 3.0], 8), 25)
+REVERSALS = STAIRS * np.repeat(np.resize([1.0, -1.0], 8), 25)
 
 
 def film(plant, commands, sample_time=0.02):
@@ -150,12 +150,7 @@ is no larger than both."""
 
 @pytest.mark.parametrize(
     ("commands", "quarters"),
-    [
-        *((STAIRS, quarters) for quarters in (1, 2, 4, 6, 7)),
-        (REVERSALS, 1),
-        (FROM_ZERO, 7),
-        (band_limited_noise(np.random.default_rng(4), 10.0, 0.02), 6),
-    ],
+    [*((STAIRS, quarters) for quarters in (1, 2, 4, 6, 7)), (REVERSALS, 1), (FROM_ZERO, 7), (NOISE, 6)],
     ids=["1", "2", "4", "6", "7", "reversals", "from 0 V", "noise"],
 )
 def test_a_delay_between_samples_is_one_of_whole_shorter_samples(commands, quarters):
@@ -185,9 +180,9 @@ def test_beside_a_delay_a_lag_of_no_time_is_none(time):
 @pytest.mark.parametrize("time", [0.0, 0.005, 0.015])
 def test_a_rig_that_starts_late_by_the_clock_reads_the_same_before_the_first_command(time):
     drifting = FILM.with_effects(SensorDrift(change=50e-6, time=20.0))
-    first = [film(plant, STAIRS).outputs[0] for plant in (drifting, drifting.with_effects(Delay(time=time)))]
+    first = [film(plant, STAIRS[:1]).outputs[0] for plant in (drifting, drifting.with_effects(Delay(time=time)))]
     np.testing.assert_allclose(first[1], first[0], rtol=0, atol=1e-12)
-    assert abs(first[0] - film(FILM, STAIRS).outputs[0]) > 1e-6
+    assert abs(first[0] - film(FILM, STAIRS[:1]).outputs[0]) > 1e-6
 
 
 @pytest.mark.parametrize("plant", [Plant(rig=Coupon()), Plant(rig=BlockedPlanar())], ids=["coupon", "blocked"])

@@ -19,7 +19,7 @@ from deatwin.plant.effects.strain_stiffening import StrainStiffening
 from deatwin.plant.effects.thermal_stiffness import ThermalStiffness
 from deatwin.plant.excitation import band_limited_noise
 
-NOISE = band_limited_noise(np.random.default_rng(3), 3.0, 0.02)
+NOISE = band_limited_noise(np.random.default_rng(3), 1.8, 0.02)
 SMOOTH = [
     CubicStiffness(),
     PeriodicDisturbance(),

@@ -65,10 +65,10 @@ def page(name: str, title: str) -> str:
     return code[1]
 
 
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+def installed(folder: Path) -> tuple[Path, dict[str, str]]:
     """A working folder, and the environment in which the package of docs/how-to/own-effect.md is installed."""
-    made, folder = tmp_path_factory.mktemp("package"), tmp_path_factory.mktemp("work")
+    made = folder / "package"
+    made.mkdir()
     name = '\n[project]\nname = "weak-coil"\nversion = "0.1.0"\n'
     (made / "pyproject.toml").write_text(PROJECT + name)
     (made / "backend.py").write_text(BACKEND)
@@ -81,29 +81,22 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str,
     return folder, {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in paths if path)}
 
 
-def run(installed: tuple[Path, dict[str, str]], code: str) -> subprocess.CompletedProcess[str]:
-    folder, environment = installed
-    return subprocess.run(
+@pytest.mark.skipif(compiler() is None, reason="many simulations: without a C compiler they take long")
+def test_a_diagnosis_names_it_among_others_and_the_command_line_knows_it(tmp_path: Path) -> None:
+    folder, environment = installed(tmp_path)
+    rows = "".join(f"{0.005 * k:.3f},{k % 3 - 1}\n" for k in range(40))
+    (folder / "input.csv").write_text("time_s,command_V\n" + rows)
+    call = ["simulate", "shaker:plant", "input.csv", "--effect", "weak_coil", "--quiet", "--out", "out.csv"]
+    code = f"{DIAGNOSED}\nfrom deatwin.app.cli import main\nraise SystemExit(main({call}))"
+    done = subprocess.run(
         [sys.executable, "-c", code], cwd=folder, env=environment, capture_output=True, text=True, check=True
     )
-
-
-@pytest.mark.skipif(compiler() is None, reason="many simulations: without a C compiler they take long")
-def test_a_diagnosis_names_it_among_others(installed: tuple[Path, dict[str, str]]) -> None:
-    done = run(installed, DIAGNOSED)
     verdict, sentence, loss = json.loads(done.stdout)
     assert verdict == "named" and "the coil loses " in sentence
     # The interval is 0.4 % wide to either side.
     assert loss == {"weak_coil": pytest.approx(1e4, rel=0.02)}
     assert "the effect lost (absent:Lost) is left out: ModuleNotFoundError" in done.stderr
-
-
-def test_the_command_line_knows_its_name(installed: tuple[Path, dict[str, str]]) -> None:
-    rows = "".join(f"{0.005 * k:.3f},{k % 3 - 1}\n" for k in range(40))
-    (installed[0] / "input.csv").write_text("time_s,command_V\n" + rows)
-    call = ["simulate", "shaker:plant", "input.csv", "--effect", "weak_coil", "--out", "out.csv"]
-    run(installed, f"from deatwin.app.cli import main; raise SystemExit(main({call}))")
-    assert (installed[0] / "out.csv").read_text().startswith("time_s,position_")
+    assert (folder / "out.csv").read_text().startswith("time_s,position_")
 
 
 class Point:

@@ -238,6 +238,7 @@ def test_times_of_day_in_one_number(tmp_path: Path, header: str, start: str, ste
     assert found.provenance["times"] == "times of day"
 
 
+@pytest.mark.usefixtures("in_one_process")
 def test_times_of_day_in_one_number_of_an_array(tmp_path: Path) -> None:
     times = np.array(in_one_number("14:30:05", 0.25, 300, "padded"), dtype=float)
     savemat(tmp_path / "r.mat", {"time": times, "command_V": np.arange(300.0), "displacement_mm": np.arange(300.0)})

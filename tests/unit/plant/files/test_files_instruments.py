@@ -251,6 +251,7 @@ def test_parts_of_the_time_are_no_signals(tmp_path: Path) -> None:
     assert {c.header: c.role for c in understand(tmp_path / "r.csv").columns}["CH2"] == "output"
 
 
+@pytest.mark.usefixtures("in_one_process")
 def test_a_unit_beside_the_vector_of_a_struct_is_its_unit(tmp_path: Path) -> None:
     channels = np.zeros((1, 2), dtype=[("Name", object), ("Unit", object), ("Data", object)])
     channels[0, 0], channels[0, 1] = ("u", "V", U), ("y", "mm", Y)

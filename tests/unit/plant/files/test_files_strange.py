@@ -125,8 +125,7 @@ def test_it_is_refused_with_a_line_to_follow(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("reading", "rows"),
-    [(ReadingTime.END_OF_HOLD, slice(0, 36)), (ReadingTime.START_OF_HOLD, slice(3, 39))],
+    ("reading", "rows"), [(ReadingTime.END_OF_HOLD, slice(0, 36)), (ReadingTime.START_OF_HOLD, slice(3, 39))]
 )
 def test_a_slow_reading_takes_the_mean_command_of_its_rows(tmp_path: Path, reading: ReadingTime, rows: slice) -> None:
     slow = [row if k % 4 == 3 else row.rpartition(",")[0] + "," for k, row in enumerate(ROWS)]

@@ -177,7 +177,7 @@ def test_letters_of_latin_1_are_no_chinese(tmp_path: Path, name: str) -> None:
     assert read_recording(path, output_column=name).output_names == (name,)
 
 
-@pytest.mark.parametrize("unit", ["mm", "V", "kV", "degC", "deg"])
+@pytest.mark.parametrize("unit", ["mm", "degC"])
 @pytest.mark.parametrize("form", ["{:.4f}", "{:.17g}", "{:.6E}", "{:g}"])
 @pytest.mark.parametrize(("mark", "sign"), [(",", "."), (";", ","), ("\t", "."), (" ", ",")])
 def test_even_rows_are_read_as_rows_that_need_a_closer_look(

@@ -209,6 +209,7 @@ def test_what_unpacks_to_too_much_is_refused_within_little_memory(tmp_path: Path
     assert int(peak) < 1_000_000  # kB, libraries included
 
 
+@pytest.mark.usefixtures("in_one_process")
 def test_samples_in_another_file_are_not_fetched(tmp_path: Path) -> None:
     h5py = pytest.importorskip("h5py")
     secret = tmp_path / "secret.bin"

@@ -37,11 +37,7 @@ FILES = {
     "no header": ("a.dat", ROWS.replace(",", " "), {"input_column": "#2", "output_column": "#3"}),
     "times of no name": ("a.csv", f"clock,u,y\n{ROWS}", {"time_column": "clock"}),
     "uneven times": ("a.csv", f"time_s,u,y\n{uneven(0.1)}", {"resample": 0.12}),
-    "a gap": (
-        "a.csv",
-        f"time_s,command_V,displacement_mm\n{ROWS}\n9.0,0.1,0.2\n9.1,0.2,0.1",
-        {"allow_gaps": True},
-    ),
+    "a gap": ("a.csv", f"time_s,command_V,displacement_mm\n{ROWS}\n9.0,0.1,0.2\n9.1,0.2,0.1", {"allow_gaps": True}),
     "missing readings": (
         "a.csv",
         f"time_s,command_V,displacement_mm\n{ROWS}\n4.0,0.1,\n4.1,0.1,NaN\n4.2,,0.1\n4.3,0.2,0.1",
@@ -100,6 +96,7 @@ def test_a_sample_time_in_one_cell_is_passed_over_beside_a_stated_one(write: Wri
     assert understand(path).options[-2:] == ("--dt", "SECONDS")
 
 
+@pytest.mark.usefixtures("in_one_process")
 @pytest.mark.parametrize(
     ("name", "text"),
     [

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from deatwin.plant.errors import DataError
@@ -128,25 +128,28 @@ def test_a_charge_is_in_coulombs_and_a_temperature_in_degrees(tmp_path: Path) ->
     assert read(written(tmp_path, "film_temp_C"), "film_temp_C")[1:] == ("K", [274.15, 275.15, 270.15])
 
 
-@settings(deadline=None, max_examples=200, derandomize=True)
+@settings(
+    deadline=None, max_examples=200, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     said=st.text("mMkKuUnNcCrRaAdDsSpPbBiIgGhHzZVvVoeElL%/2 ", min_size=1, max_size=6),
     wanted=st.none() | st.sampled_from(SI),
 )
-def test_what_is_offered_works(tmp_path_factory: pytest.TempPathFactory, said: str, wanted: str | None) -> None:
-    folder = tmp_path_factory.mktemp("units")
+def test_what_is_offered_works(tmp_path: Path, said: str, wanted: str | None) -> None:
     header = f"x ({said})"
     try:
-        read(written(folder, header), header, wanted)
+        read(written(tmp_path, header), header, wanted)
     except DataError as error:
         offered = [f"x ({text})" for text in re.findall('did you mean "([^"]*)"', str(error))]
         offered += re.findall('as in "([^"]*)"', str(error))
-        listed = re.findall(r"(?:one of|known are) (.*?)(?: must stand|\)$|, such as|; or state|$)", str(error))
+        listed = re.findall(
+            r"(?:one of|known are) (.*?)(?: must stand| after the name|\)$|, such as|; or state|$)", str(error)
+        )
         offered += [f"x ({unit})" for text in listed for unit in text.split(", ")]
         offered += [f"x ({unit})" for unit in re.findall('="?(degC|coulomb)"', str(error))]
         assert offered
         for better in offered:
-            unit = read(written(folder, better), better, wanted)[1]
+            unit = read(written(tmp_path, better), better, wanted)[1]
             assert unit == wanted if wanted else unit
 
 

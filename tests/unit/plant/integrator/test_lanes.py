@@ -202,7 +202,7 @@ def test_the_plants_code_has_the_function_that_is_exchanged(base):
     generator = ca.CodeGenerator("plant.c")
     generator.add(step.sensitive)
     source = generator.dump()
-    exchange = step.in_lanes
+    exchange = step.in_lanes()
     assert set(exchange.bodies) == {
         "stage_residual",
         "stage_values",

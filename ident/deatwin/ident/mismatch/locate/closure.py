@@ -14,7 +14,8 @@ doi:10.1109/ACSSC.1993.342465.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,27 @@ class Regression:
     answers: Array  # (n, n_features), responses to the features, of length one
     fold: NDArray[np.int_]  # (n,), number of the stretch
     readings: int  # number of samples in a mean
+
+    @cached_property
+    def halves(self) -> tuple[Half, Half]:
+        """Even and odd folds."""
+        return Half.of(self, 0), Half.of(self, 1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Half:
+    """Regressors on every second stretch, prepared for a choice of features."""
+
+    learn: NDArray[np.bool_]  # (n,), samples of these stretches
+    basis: Array  # (n/2, n_p), orthonormal, of the responses to the base parameters
+    free: Array  # (n/2, n_features), part of the answers that the parameters cannot explain
+    lengths: Array  # (n_features,), of the answers
+
+    @classmethod
+    def of(cls, regression: Regression, odd: int) -> Half:
+        learn = regression.fold % 2 == odd
+        basis, answers = tangent_basis(regression.parameters[learn]), regression.answers[learn]
+        return cls(learn=learn, basis=basis, free=taken_off(answers, basis), lengths=np.linalg.norm(answers, axis=0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,15 +111,19 @@ def regressions(linears: Sequence[Linear]) -> tuple[Regression, ...]:
     return tuple(found)
 
 
-def closure(regression: Regression) -> Closure:
-    """Fit on each half of the folds and judge on the other, with the number of features that predicts best."""
-    losses = np.empty((MOST_FEATURES + 1, regression.residual.size))
-    for odd in (0, 1):
-        learn = regression.fold % 2 == odd
-        chosen = _pursuit(regression.residual[learn], regression.parameters[learn], regression.answers[learn])
+def closure(regression: Regression, shift: int = 0) -> Closure:
+    """Fit on each half of the folds and judge on the other, with the number of features that predicts best.
+
+    The residual is shifted cyclically by `shift` samples.
+    """
+    residual = np.roll(regression.residual, shift)
+    losses = np.empty((MOST_FEATURES + 1, residual.size))
+    for half in regression.halves:
+        learn = half.learn
+        chosen = _pursuit(residual[learn], half)
         columns = np.hstack([regression.parameters, regression.answers[:, chosen]])
-        for count, weights in enumerate(_nested_fits(columns[learn], regression.residual[learn], len(chosen))):
-            errors = regression.residual[~learn] - columns[~learn, : weights.size] @ weights
+        for count, weights in enumerate(_nested_fits(columns[learn], residual[learn], len(chosen))):
+            errors = residual[~learn] - columns[~learn, : weights.size] @ weights
             losses[count, ~learn] = errors**2
         losses[len(chosen) + 1 :, ~learn] = losses[len(chosen), ~learn]
     count = int(np.argmin(losses.mean(axis=1)))
@@ -111,29 +137,27 @@ def closure_p_value(regressions_: Sequence[Regression], rng: np.random.Generator
     n = regressions_[0].residual.size
     reached = 0
     for shift in rng.integers(n // 10, n - n // 10, SHIFTS):
-        turned = [replace(r, residual=np.roll(r.residual, shift)) for r in regressions_]
-        reached += max(closure(regression).explained for regression in turned) >= observed
+        reached += max(closure(regression, shift).explained for regression in regressions_) >= observed
     return (1 + reached) / (1 + SHIFTS)
 
 
-def _pursuit(residual: Array, parameters: Array, answers: Array) -> list[int]:
+def _pursuit(residual: Array, half: Half) -> list[int]:
     """Return the features in the order in which each most reduces the residual."""
-    across = tangent_basis(parameters)
-    left, new = taken_off(residual, across), taken_off(answers, across)
-    lengths = np.linalg.norm(answers, axis=0)
+    left, new = taken_off(residual, half.basis), half.free
     chosen: list[int] = []
-    for _ in range(MOST_FEATURES):
+    while True:
         length = np.linalg.norm(new, axis=0)
-        fresh = length > INDEPENDENT * lengths
+        fresh = length > INDEPENDENT * half.lengths
         gains = np.where(fresh, np.abs(new.T @ left) / np.where(fresh, length, 1.0), 0.0)
         best = int(np.argmax(gains))
         if not gains[best] > 0:
-            break
+            return chosen
         chosen.append(best)
+        if len(chosen) == MOST_FEATURES:
+            return chosen
         direction = new[:, best] / length[best]
         left = left - direction * (direction @ left)
         new = new - direction[:, None] * (direction @ new)
-    return chosen
 
 
 def _nested_fits(columns: Array, target: Array, count: int) -> list[Array]:
@@ -142,7 +166,7 @@ def _nested_fits(columns: Array, target: Array, count: int) -> list[Array]:
     steady = np.vstack([columns, STEADY * np.eye(columns.shape[1])])
     q, r = np.linalg.qr(steady)
     seen = q[: target.size].T @ target
-    return [solve_triangular(r[:k, :k], seen[:k]) for k in range(first, columns.shape[1] + 1)]
+    return [solve_triangular(r[:k, :k], seen[:k], check_finite=False) for k in range(first, columns.shape[1] + 1)]
 
 
 def _means(values: Array, size: int) -> Array:

@@ -463,7 +463,7 @@ def decided(truth: Effect, other: Effect, frequency: float, seconds: float, tria
 
 @compiled
 def test_the_advised_input_decides_a_tie(tmp_path):
-    tie = decided(*TIES["delay"], seconds=20.0, trials=1)
+    tie = decided(*TIES["delay"], seconds=12.0, trials=1)
     found = tie.advice
     assert found.experiment is not None
     assert found.confusion_after < 0.023

@@ -12,16 +12,7 @@ from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.greybox.parts import Part, simulated
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.ident.mismatch.advise.distance import Memory, confusion, distance_squared, separation
-from deatwin.plant import (
-    Delay,
-    Experiment,
-    Parameter,
-    Plant,
-    Recording,
-    SensorCurvature,
-    SensorLag,
-    SimulationError,
-)
+from deatwin.plant import Delay, Experiment, Parameter, Plant, Recording, SensorCurvature, SensorLag, SimulationError
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 

@@ -27,7 +27,7 @@ from deatwin.plant.integrator.compiled import compiler
 COMPILED = pytest.mark.skipif(compiler() is None, reason="many fits: without a C compiler they take ten times as long")
 
 
-def recorded(rig: Rig, *effects, count: int = 1200, seed: int = 1, level: float = 1.8, late: int = 0) -> Experiment:
+def recorded(rig: Rig, *effects, count: int = 800, seed: int = 1, level: float = 1.8, late: int = 0) -> Experiment:
     """Steps and noise of a rig with effects; of the first reading so many samples `late`, as a camera's are."""
     rng = np.random.default_rng(seed)
     steps = np.repeat(level * rng.uniform(0.4, 1.6, count // 80), 40)

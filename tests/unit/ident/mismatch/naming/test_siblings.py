@@ -13,16 +13,7 @@ from deatwin.ident.mismatch.naming import siblings as module
 from deatwin.ident.mismatch.naming.contribution import contribution
 from deatwin.ident.mismatch.naming.screen import linearised_responses
 from deatwin.ident.mismatch.naming.siblings import siblings
-from deatwin.plant import (
-    Delay,
-    Experiment,
-    Plant,
-    Recording,
-    SensorCurvature,
-    SensorDrift,
-    SensorJump,
-    SensorLag,
-)
+from deatwin.plant import Delay, Experiment, Plant, Recording, SensorCurvature, SensorDrift, SensorJump, SensorLag
 from deatwin.plant.excitation import band_limited_noise
 
 STEP, GAIN, LAG = 0.02, 1e-4, 0.03

@@ -70,10 +70,7 @@ def fitted(left, *effects):
         plant=plant, names=tuple(names), residuals=left - columns @ off, jacobian=columns, at_bound=()
     )
     return SimpleNamespace(
-        effects=own,
-        calibration=calibration,
-        contribution=columns @ np.array(list(values.values())),
-        log_share=0.0,
+        effects=own, calibration=calibration, contribution=columns @ np.array(list(values.values())), log_share=0.0
     )
 
 
@@ -244,11 +241,7 @@ def test_when_an_event_came_costs_what_a_sum_over_all_samples_says(problem, paus
         )
         for k, h in enumerate(halves)
     )
-    scale, rng, jump = (
-        over_nothing(problem),
-        np.random.default_rng(10),
-        effect_named("sensor_jump"),
-    )
+    scale, rng, jump = (over_nothing(problem), np.random.default_rng(10), effect_named("sensor_jump"))
     strength, when = (next(p for p in jump.parameters if p.name == f"sensor_jump.{n}") for n in ("change", "at"))
     near = over_nothing(SimpleNamespace(**{**vars(scale.problem), "everywhere": (jump,)}))
     noise = NOISE * rng.standard_normal(TIMES.size)

@@ -101,9 +101,7 @@ def placebos_of(effect, seed: int):
 
 @needs_compiler
 @pytest.mark.parametrize(
-    "effect",
-    [Creep(modulus=50e3, time=20.0), effect_named("hysteresis")],
-    ids=lambda effect: effect.name,
+    "effect", [Creep(modulus=50e3, time=20.0), effect_named("hysteresis")], ids=lambda effect: effect.name
 )
 def test_shams_of_a_right_name_are_rejected(effect):
     if effect.event:
