@@ -15,6 +15,7 @@ import numpy as np
 
 from deatwin.plant.rest import TENSION
 from deatwin.plant.simulate import RunStatus
+from deatwin.plant.words import spaced
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
@@ -53,7 +54,7 @@ class Event:
     place: str
 
     def __str__(self) -> str:
-        what = self.status.name.lower().replace("_", " ")
+        what = spaced(self.status.name.lower())
         volts = f" ({self.film_voltage:.0f} V on the film)" if np.isfinite(self.film_voltage) else ""
         where = f": {self.place}" if self.place else ""
         return f"{what} at {self.time:.2f} s and a command of {self.command:.3f}{volts}{where}"

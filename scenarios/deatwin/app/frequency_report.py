@@ -17,11 +17,11 @@ from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
 from deatwin.ident.narx import Reliance, ValidationStatus
 from deatwin.plant.prefixes import prefixed
+from deatwin.plant.words import as_sentence
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
-from deatwin.studies.report.words import as_sentence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,12 +14,12 @@ from deatwin.ident.narx.shown import shown_units
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.drawing import envelope, plain_numbers
 from deatwin.plant.recording import label
+from deatwin.plant.words import as_sentence, spaced
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing, Hue, draw
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
 from deatwin.studies.report.tables import drawn_table
-from deatwin.studies.report.words import as_sentence
 
 if TYPE_CHECKING:
     from deatwin.ident.look import BestLinearApproximation
@@ -201,9 +201,9 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
         middle.plot(*envelope(timepts, measured - simulated), color=Hue.BEFORE, linewidth=0.8)
         middle.axhline(0, color=Hue.INK, linewidth=0.6)
         lower.plot(*envelope(timepts, command), color=Hue.INK, linewidth=0.8)
-        upper.set_ylabel(axis_label(found.model.output_names[0].replace("_", " "), found.unit))
+        upper.set_ylabel(axis_label(spaced(found.model.output_names[0]), found.unit))
         middle.set_ylabel(axis_label("residual", found.unit))
-        lower.set(xlabel="time (s)", ylabel=axis_label(part.input_names[0].replace("_", " "), part.input_units[0]))
+        lower.set(xlabel="time (s)", ylabel=axis_label(spaced(part.input_names[0]), part.input_units[0]))
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
         given = (

@@ -21,6 +21,7 @@ from deatwin.plant.datasets import Described, Metadata, Variables, attribute, co
 from deatwin.plant.documents import Saved
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.records import finite
+from deatwin.plant.words import as_sentence
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -230,7 +231,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
     @property
     def _warned(self) -> str:
         """Return the caveats as sentences."""
-        return "".join(f" {text[0].upper()}{text[1:]}." for text in self.caveats)
+        return "".join(f" {as_sentence(text)}" for text in self.caveats)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot step reference, predicted output and output of the plant model over time, on `ax` or new axes."""

@@ -22,6 +22,7 @@ from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, v
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError, ModelError, nearest
 from deatwin.plant.parameters import Parameter
+from deatwin.plant.words import spaced
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,7 +95,7 @@ class Profile(Described):
         ax.plot(self.values, self.deviances, "o", color="C0", markersize=4)
         ax.axhline(LIMIT, color="0.4", linestyle="--", linewidth=0.8, label="95 %")
         ax.axvspan(self.low, self.high, color="C0", alpha=0.15, linewidth=0)
-        ax.set_xlabel(f"{self.parameter.name.replace('_', ' ')} ({self.parameter.unit})")
+        ax.set_xlabel(f"{spaced(self.parameter.name)} ({self.parameter.unit})")
         ax.set_ylabel("deviance")
         ax.legend()
         return ax

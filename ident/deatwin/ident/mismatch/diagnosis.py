@@ -34,6 +34,7 @@ from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.records import INTERNAL, OPTIONAL, key, plain, read
+from deatwin.plant.words import spaced
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -242,8 +243,8 @@ class Diagnosis(Described):
             raise ModelError("this diagnosis has no evidence to draw: a file keeps the conclusions, not the recordings")
         axes = axes_or_new(ax)
         draw_residuals(self.readings, self.output.unit, axes)
-        names = " and ".join(cause.effect.replace("_", " ") for cause in self.causes)
-        axes.set_title(f"{self.verdict.value.replace('_', ' ')}{': ' if names else ''}{names}")
+        names = " and ".join(spaced(cause.effect) for cause in self.causes)
+        axes.set_title(f"{spaced(self.verdict.value)}{': ' if names else ''}{names}")
         return axes
 
     @classmethod

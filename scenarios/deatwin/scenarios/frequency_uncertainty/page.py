@@ -13,6 +13,7 @@ from deatwin.ident.frequency.comparison.fleet import share_of
 from deatwin.ident.frequency.uncertainty.beside_draws import Spread, columns_of
 from deatwin.ident.narx.fleet.records import DRIFTING
 from deatwin.plant.fleet import TOLERANCES
+from deatwin.plant.words import spaced
 from deatwin.scenarios.frequency_uncertainty.study import BILINEAR, LINEAR, NOTCH, Consistency, Known, Study
 from deatwin.studies.report.drawing import (
     STYLES,
@@ -181,7 +182,7 @@ def _drifts(table: Comparison) -> Iterator[list[str]]:
 
 def _tolerances(fleet: Consistency) -> Iterator[list[str]]:
     for name, values in sorted(fleet.shares.items(), key=lambda item: -float(np.sum(item[1]))):
-        words = name.replace("_", " ").replace(".", " ")
+        words = spaced(name).replace(".", " ")
         yield [words, f"±{100 * TOLERANCES[name].share:g} %", *(f"{100 * value:.1f} %" for value in values)]
     yield ["all together", "", *(f"{100 * value:.1f} %" for value in fleet.predicted)]
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.certainty import how_sure, next_step, percent
-from deatwin.ident.mismatch.say import at_body, called, listed, ranked, unit_of
+from deatwin.ident.mismatch.say import at_body, called, or_listed, ranked, unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
+from deatwin.plant.words import spaced
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.figures import LEAST_SHARE, drawings
 from deatwin.studies.report.quantities import three_digits, with_interval
@@ -73,7 +74,7 @@ def _possible(diagnosis: Diagnosis) -> list[tuple[str, str]]:
 def _alike(diagnosis: Diagnosis) -> str:
     """Name the alternatives that the recordings cannot distinguish from the answer, with their d²."""
     pairs = ((called(pair.effects[1].split("+"), diagnosis), pair.d2) for pair in diagnosis.indistinguishable)
-    return listed([f"{name} (d² = {three_digits(d2)})" for name, d2 in pairs])
+    return or_listed([f"{name} (d² = {three_digits(d2)})" for name, d2 in pairs])
 
 
 def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
@@ -103,7 +104,7 @@ def _places(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
     places = diagnosis.location.place if diagnosis.location else ()
     rows = []
     for place in places:
-        name = at_body(": ".join(filter(None, (place.place, place.signal))).replace("_", " "), diagnosis)
+        name = at_body(spaced(": ".join(filter(None, (place.place, place.signal)))), diagnosis)
         name = "a parameter of the model" if name == "parameter" else name
         shares = {"predicted from signals": place.explained}
         if place.explained is None or _has_effect(place.place, diagnosis):

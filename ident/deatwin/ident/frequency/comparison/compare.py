@@ -18,6 +18,7 @@ from deatwin.ident.frequency.linear import operating_input_of
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.errors import ModelError
+from deatwin.plant.words import spaced
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -304,7 +305,7 @@ def _require_alike(first: NarxModel, second: NarxModel) -> None:
     for what in ("input_units", "output_units"):
         one, other = getattr(first, what), getattr(second, what)
         if one != other:
-            raise ModelError(f"the models have the {what.replace('_', ' ')} {one} and {other}: they must be the same")
+            raise ModelError(f"the models have the {spaced(what)} {one} and {other}: they must be the same")
 
 
 def _plot(comparison: Comparison, ax: Axes | None) -> Axes:

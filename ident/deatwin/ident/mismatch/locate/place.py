@@ -20,6 +20,7 @@ from deatwin.plant.datasets import Described, Metadata, attribute, table_along, 
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.effects.base import Place
 from deatwin.plant.model import Plant
+from deatwin.plant.words import spaced
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,7 +103,7 @@ class Places(Described):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the score of each signal, those that cannot be distinguished from the best one filled."""
         ax = axes_or_new(ax)
-        names = [f"{o.place}: {o.signal.replace('_', ' ')}" for o in self.opened]
+        names = [f"{o.place}: {spaced(o.signal)}" for o in self.opened]
         best = [o.among_best and self.repeatable for o in self.opened]
         for mask, style, label in (
             (best, {"color": "C0"}, "not distinguished from the best"),

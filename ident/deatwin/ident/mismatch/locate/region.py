@@ -18,6 +18,7 @@ from deatwin.ident.mismatch.located import Region
 from deatwin.ident.soundness import samples_in
 from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.words import spaced
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,7 +91,7 @@ def _legend(name: str, low: float, high: float, unit: str) -> str:
     if name == BRANCH:
         return "reading: falling (left) or rising (right)"
     lowest, highest = (f"{float(f'{end:.3g}'):g}" for end in (low, high))
-    said = "time since the command was constant" if name == SINCE_REST else name.replace("_", " ")
+    said = "time since the command was constant" if name == SINCE_REST else spaced(name)
     return f"{said}: {lowest} to {highest} {unit}".rstrip()
 
 

@@ -15,6 +15,7 @@ from deatwin.plant.drawing import axes_or_new, plain_numbers
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
 from deatwin.plant.records import INTERNAL, plain
+from deatwin.plant.words import spaced
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,12 +66,12 @@ class Foreseen:
     @property
     def sentence(self) -> str:
         """The strength at which the effect would be detected, in one sentence."""
-        name = self.effect.replace("_", " ")
+        name = spaced(self.effect)
         if self.smallest is None:
             return f"{name}: not detected at any strength within its range"
         least = with_unit(self.smallest, self.unit)
-        shown = f"{name}: detected if its {self.strength.replace('_', ' ')} is {least} or larger"
-        others = ", ".join(other.replace("_", " ") for other in self.alike)
+        shown = f"{name}: detected if its {spaced(self.strength)} is {least} or larger"
+        others = ", ".join(spaced(other) for other in self.alike)
         return f"{shown}; not distinguished from {others}" if others else shown
 
 
@@ -202,7 +203,7 @@ class ExperimentPlan:
         axes.plot(least, places, "o", color="tab:blue", label="smallest change that is detected")
         axes.plot(typical, places, "d", color="tab:orange", label="change at the typical strength")
         axes.axvline(self.noise, color="tab:gray", linestyle=":", label="sensor noise")
-        axes.set_yticks(places, [one.effect.replace("_", " ") for one, _ in shown])
+        axes.set_yticks(places, [spaced(one.effect) for one, _ in shown])
         axes.set(xscale="log", xlabel=axis_label("change of the reading, rms", written_unit(self.unit)))
         plain_numbers(axes.xaxis)
         axes.legend(fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)

@@ -22,6 +22,7 @@ from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.words import spaced
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -206,7 +207,7 @@ class DataQuality(Described):
         ]
         for what, readings in (("is much noisier than elsewhere", self.bursts), ("is stuck", self.stuck_further)):
             for name, masks in readings.items():
-                found += self._described(masks, f"left out because the {name.replace('_', ' ') or 'reading'} {what}:")
+                found += self._described(masks, f"left out because the {spaced(name) or 'reading'} {what}:")
         if self.unknown:
             found += self._described(
                 self.unknown, "left out because it is unknown when the command changed during a gap in the recording:"
