@@ -16,7 +16,7 @@ from deatwin.control.controllers.document import controller_from_dict, controlle
 from deatwin.control.linear.model import LinearStatus
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
-from deatwin.plant.amplitudes import amount, written_amplitude
+from deatwin.plant.amplitudes import amount, axis_label, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, columns, document, several
 from deatwin.plant.documents import Saved
 from deatwin.plant.drawing import axes_or_new
@@ -245,7 +245,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
             if self.predicted is None:
                 axes.plot(steps.timepts, steps.reference / size, "--", color="0.4", linewidth=0.9, label="reference")
             axes.set_xlabel("time (s)")
-            axes.set_ylabel(f"output ({unit})" if unit else "output")
+            axes.set_ylabel(axis_label("output", unit))
             axes.legend()
         axes.set_title(f"{self.verdict.value}: {self.worst_case.text}", fontsize="small", wrap=True)
         return axes

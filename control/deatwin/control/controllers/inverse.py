@@ -16,6 +16,7 @@ from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
+from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.datasets import Described, Metadata, coordinate, gain_unit, variable
 from deatwin.plant.drawing import axes_or_new
@@ -78,10 +79,7 @@ class StaticCurve(Described):
 
     def __post_init__(self) -> None:
         require_fields(self, inputs=numbers, outputs=numbers)
-        for name in ("inputs", "outputs"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_read_only(self, "inputs", "outputs")
         if self.inputs.ndim != 1 or self.inputs.size < 2 or self.outputs.shape != self.inputs.shape:
             raise ControlError("a static curve needs at least two points, an output to each input")
         if not (np.all(np.isfinite(self.inputs)) and np.all(np.isfinite(self.outputs))):

@@ -14,7 +14,8 @@ from deatwin.control.arguments import function, generator, instance, not_negativ
 from deatwin.control.controllers.base import Controller
 from deatwin.control.errors import ControlError
 from deatwin.control.progress import Progress
-from deatwin.plant.amplitudes import written_amplitude
+from deatwin.ident.arguments import keep_read_only
+from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.model import Plant
@@ -88,12 +89,10 @@ class ClosedLoop(Described):
     }
 
     def __post_init__(self) -> None:
+        keep_read_only(self, *_SERIES)
         for name in _SERIES:
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
-            if values.shape != (self.timepts.size,):
-                raise ControlError(f"{name} of a run has the shape {values.shape}: it must be ({self.timepts.size},)")
+            if (shape := getattr(self, name).shape) != (self.timepts.size,):
+                raise ControlError(f"{name} of a run has the shape {shape}: it must be ({self.timepts.size},)")
         late = np.flatnonzero(~(np.diff(self.timepts) > 0.0))
         if late.size:
             at = int(late[0]) + 1
@@ -169,7 +168,7 @@ class ClosedLoop(Described):
         axes.plot(self.timepts, self.reference / size, "--", label="reference")
         axes.plot(self.timepts, self.output / size, label="output")
         axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"output ({unit})" if unit else "output")
+        axes.set_ylabel(axis_label("output", unit))
         axes.legend()
         return axes
 

@@ -15,6 +15,7 @@ from deatwin.ident.arguments import probability, real_numbers, whole_number
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.posterior import ThetaPosterior, quantile, regressors
+from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.arguments import instance
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, one_unit, status_of, variable
@@ -115,7 +116,7 @@ class PredictiveBand(Described):
         axes.plot(self.timepts, self.measured[output], color="C0", linewidth=0.8, label="measured")
         unit = self.units[output]
         axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"output ({unit})" if unit else "output")
+        axes.set_ylabel(axis_label("output", unit))
         axes.legend()
         return axes
 

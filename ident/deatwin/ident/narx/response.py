@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import read_only
+from deatwin.ident.arguments import keep_read_only, read_only
 from deatwin.ident.narx.drive import Drive
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.datasets import Described, attribute, coordinate, one_unit, status_of, variable
@@ -147,8 +147,7 @@ class Fit:
     nrmse: Array  # shape (n_outputs,): sqrt( sum (y - yhat)^2 / sum (y - mean y)^2 )
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            object.__setattr__(self, item.name, read_only(getattr(self, item.name)))
+        keep_read_only(self, *(item.name for item in fields(self)))
 
     @classmethod
     def of(cls, responses: Sequence[NarxResponse]) -> Fit:

@@ -15,7 +15,7 @@ from deatwin.ident.greybox.parts import Part, settled
 from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.quality import suspects
 from deatwin.ident.soundness import noise_of_bends, resolution, runs
-from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.checks import experiment_for, require_excitation, require_samples
 from deatwin.plant.datasets import Described, Metadata, several, status_of, variable
 from deatwin.plant.drawing import axes_or_new
@@ -273,7 +273,7 @@ class DataQuality(Described):
             if where.size:
                 axes.plot(*where, marker, color=colour, markersize=5, label=f"{name}, {where.shape[1]} samples")
         axes.set_xlabel("time of the recordings (s)")
-        axes.set_ylabel(f"reading ({unit})" if unit else "reading")
+        axes.set_ylabel(axis_label("reading", unit))
         axes.set_title(self.soundness.value, fontsize="small", loc="left")
         if any(mask.size for pieces in marked.values() for mask in pieces):
             axes.legend(fontsize="small")

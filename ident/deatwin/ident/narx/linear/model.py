@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import read_only
+from deatwin.ident.arguments import keep_read_only, read_only
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.drive import require_suits
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
@@ -160,8 +160,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
 
     def __post_init__(self) -> None:
         m = len(self.b)
-        for name in ("a", "c", "d"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+        keep_read_only(self, "a", "c", "d")
         object.__setattr__(self, "b", tuple(read_only(b) for b in self.b))
         object.__setattr__(self, "f", tuple(read_only(f) for f in self.f or [[1.0]] * m))
         names = ("input",) if m == 1 else tuple(f"input{i}" for i in range(1, m + 1))
