@@ -21,7 +21,7 @@ from deatwin.control.linear.plant import linearise_plant
 from deatwin.control.stability.bands import MarginBand, band_margins
 from deatwin.plant.amplitudes import amount, axis_label
 from deatwin.plant.drawing import envelope, plain_numbers
-from deatwin.studies.report.drawing import Drawing, Hue, draw, filled
+from deatwin.studies.report.drawing import Drawing, Hue, draw, filled, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +45,7 @@ def draw_steps(view: View, steps: ClosedLoop) -> Drawing:
         _draw_command(lower, steps, Hue.BEFORE)
         _draw_limits(lower, view, steps)
         figure.align_ylabels()
-        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        legend_above(figure, upper, 3)
         caption = (
             "Steps of the reference, and the response of the plant model. Dotted lines are the limits of the command."
         )
@@ -80,7 +80,7 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> Drawing:
         lower.set(xlabel=_TIME, ylabel=view.command)
         _draw_limits(lower, view, longest)
         figure.align_ylabels()
-        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        legend_above(figure, upper, 3)
         return Drawing.of(
             figure,
             "rivals",
