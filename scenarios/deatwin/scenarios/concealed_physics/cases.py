@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant import effect_named
-from deatwin.scenarios.concealed_physics.generator.mechanisms import log_uniform
+from deatwin.scenarios.concealed_physics.generator.mechanism import log_uniform
 from deatwin.scenarios.concealed_physics.generator.specimens import CHECK_SECONDS, RICH, SECONDS, CaseSpec
 
 VISIBLE = 0.3
