@@ -134,7 +134,7 @@ class MarginBand(Described):
         near = np.flatnonzero(np.abs(values) < 2.5)
         axes.plot(values.real, values.imag, color="C0", label="loop of the model")
         if near.size:
-            shown = near[_evenly_along(values[near], _ELLIPSES)]
+            shown = near[evenly_along(values[near], _ELLIPSES)]
             outlines = self.ellipse()[shown]
             segments = list(np.stack([outlines.real, outlines.imag], axis=-1))
             name = f"{100 * self.level:g} % band, all frequencies at once"
@@ -402,7 +402,7 @@ def _along_axes(away: Complex, ellipses: Ellipses) -> Array:
     return np.stack([away.real * ellipses.axes[:, 0, i] + away.imag * ellipses.axes[:, 1, i] for i in (0, 1)], axis=-1)
 
 
-def _evenly_along(values: Complex, count: int) -> NDArray[np.intp]:
+def evenly_along(values: Complex, count: int) -> NDArray[np.intp]:
     """Return positions of points at equal distances along a curve."""
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
     return np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(max=values.size - 1))

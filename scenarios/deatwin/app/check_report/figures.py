@@ -18,7 +18,7 @@ from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import linearise_plant
-from deatwin.control.stability.bands import MarginBand, band_margins
+from deatwin.control.stability.bands import MarginBand, band_margins, evenly_along
 from deatwin.plant.amplitudes import amount, axis_label
 from deatwin.plant.drawing import envelope, plain_numbers
 from deatwin.studies.report.drawing import Drawing, Hue, draw, filled, legend_above
@@ -416,9 +416,7 @@ def _draw_ellipses(axes: Axes, loops: Loops) -> None:
     near = np.flatnonzero(np.abs(values) < 1.5 * _REACH)
     if not near.size:
         return
-    length = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values[near])))])
-    shown = near[np.searchsorted(length, np.linspace(0.0, length[-1], _ELLIPSES)).clip(max=near.size - 1)]
-    outlines = loops.band.ellipse()[shown]
+    outlines = loops.band.ellipse()[near[evenly_along(values[near], _ELLIPSES)]]
     lines = list(np.stack([outlines.real, outlines.imag], axis=-1))
     axes.add_collection(
         LineCollection(lines, colors=Hue.AFTER, linewidths=0.7, alpha=0.5, label="95 % band of the model")
