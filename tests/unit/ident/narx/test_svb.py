@@ -177,6 +177,8 @@ def test_several_recordings_count_each_with_its_own_lags():
 
 
 def test_pictures_mark_the_choice():
+    from deatwin.ident.narx.pruning import draw_relevance_paths
+
     svb = SvbNarx(clean_up="none").fit(bilinear())
     line, mark = svb.plot().get_lines()
     np.testing.assert_array_equal(line.get_ydata(), [step.lower_bound for step in svb.path_])
@@ -185,3 +187,5 @@ def test_pictures_mark_the_choice():
     kept, pruned, *_ = first.plot().get_lines()
     assert set(kept.get_xdata()) == set(svb.path_[1].indices)
     assert set(kept.get_xdata()) | set(pruned.get_xdata()) == set(range(15))
+    labels = [line.get_label() for line in draw_relevance_paths(svb.path_).get_lines()]
+    assert {str(term) for term in svb.terms_} <= set(labels)
