@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from math import inf, isfinite
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from deatwin.control.checking.rows import MarginRow, OperatingPoint
 from deatwin.control.checking.specification import Verdict
@@ -19,13 +19,9 @@ from deatwin.control.loop.predicted import PredictedLoop
 from deatwin.plant.amplitudes import amount, axis_label, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, columns, document, several
 from deatwin.plant.documents import Saved
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.records import finite
 from deatwin.plant.words import as_sentence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 SCHEMA = "deatwin/check/1"
 _PLAIN = ("excited_band_Hz", "sine_predicted")

@@ -19,10 +19,9 @@ from deatwin.control.errors import ControlError
 from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.datasets import Described, Metadata, coordinate, gain_unit, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from scipy.interpolate import PchipInterpolator
 
 

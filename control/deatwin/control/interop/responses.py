@@ -15,12 +15,11 @@ from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.ident.arguments import keep_read_only
 from deatwin.ident.frequency import FrequencyResponse
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
-from deatwin.plant.drawing import axes_or_new, numbers_of_decades, plain_numbers, written_unit
+from deatwin.plant.drawing import Axes, axes_or_new, numbers_of_decades, plain_numbers, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from control import FrequencyResponseData
-    from matplotlib.axes import Axes
 
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,7 @@ from numpy.typing import NDArray
 from deatwin.control.linear.family import LinearFamily
 from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, gain_unit, several
-from deatwin.plant.drawing import axes_or_new, numbers_of_decades, written_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.drawing import Axes, axes_or_new, numbers_of_decades, written_unit
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,16 +17,12 @@ from deatwin.control.progress import Progress
 from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.simulate import RunStatus, Stepper
 from deatwin.plant.timeline import Timeline
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, overload
+from typing import ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,11 +13,7 @@ from deatwin.control.arguments import coefficients, function, numbers, positive,
 from deatwin.control.errors import ControlError
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
-from deatwin.plant.drawing import axes_or_new
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.drawing import Axes, axes_or_new
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

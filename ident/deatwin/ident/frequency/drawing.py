@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.plant.arguments import instance
-from deatwin.plant.drawing import axes_or_new, numbers_of_decades, plain_numbers, written_unit
+from deatwin.plant.drawing import Axes, axes_or_new, numbers_of_decades, plain_numbers, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from deatwin.ident.frequency.response import FrequencyResponse
 
 

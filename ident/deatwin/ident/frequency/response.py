@@ -18,10 +18,9 @@ from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
+from deatwin.plant.drawing import Axes
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from deatwin.ident.frequency.many import Evaluated
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +20,8 @@ from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import linearise_plant
 from deatwin.control.stability.bands import MarginBand, band_margins, evenly_along
 from deatwin.plant.amplitudes import amount, axis_label
-from deatwin.plant.drawing import envelope, plain_numbers
+from deatwin.plant.drawing import Axes, envelope, plain_numbers
 from deatwin.studies.report.drawing import Drawing, Hue, draw, filled, legend_above
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]

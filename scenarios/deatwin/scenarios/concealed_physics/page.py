@@ -6,13 +6,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from deatwin.ident.mismatch import Verdict
 from deatwin.plant import Family, catalogue, effect_named
-from deatwin.plant.drawing import numbers_of_decades, plain_numbers
+from deatwin.plant.drawing import Axes, Figure, numbers_of_decades, plain_numbers
 from deatwin.plant.effects.titles import effects_in_words
 from deatwin.plant.words import spaced
 from deatwin.scenarios.concealed_physics.cases import KEY, OUTSIDE, REACH, VISIBLE
@@ -23,10 +22,6 @@ from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Table
 from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 WORDS = Words(__package__)
 KINDS = {

@@ -10,13 +10,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from deatwin.ident.drifts import moving_mean
 from deatwin.ident.mismatch.certainty import percent
 from deatwin.plant import fleet
+from deatwin.plant.drawing import Axes
 from deatwin.plant.words import spaced
 from deatwin.scenarios.unexplained_drift.repeatability import numbers, rows_of, sentence_of, table_of
 from deatwin.scenarios.unexplained_drift.score import Judged, Mark, judged, measures
@@ -28,9 +29,6 @@ from deatwin.studies.report.quantities import quantity, with_interval
 from deatwin.studies.report.story import StoryPage, Table, end_run, write_story
 from deatwin.studies.report.words import Words, notes
 from deatwin.studies.stories import Setting
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 WORDS = Words(__package__)
 WINDOW = 2.0  # Window of the sliding mean, s: two periods of the highest frequency of the input

@@ -11,14 +11,12 @@ import numpy as np
 from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
 from deatwin.ident.mismatch.quality.faults import OF_READING
 from deatwin.plant.amplitudes import axis_label, reported_size, written_unit
-from deatwin.plant.drawing import envelope, numbers_of_decades
+from deatwin.plant.drawing import Axes, envelope, numbers_of_decades
 from deatwin.plant.prefixes import prefixed
 from deatwin.plant.words import spaced
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, inline
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from deatwin.ident.mismatch import Diagnosis, LocationSummary
     from deatwin.ident.mismatch.located import Window
     from deatwin.ident.mismatch.result import Fault

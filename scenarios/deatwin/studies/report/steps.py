@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.quality.noise import NoiseSource
 from deatwin.ident.mismatch.say import unit_of
+from deatwin.plant.drawing import Figure
 from deatwin.studies.report.drawing import Drawing, draw
 from deatwin.studies.report.quantities import quantity, three_digits, with_interval
 from deatwin.studies.report.tables import drawn_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from deatwin.ident.mismatch import Diagnosis, Findings, VerificationSummary
 
 

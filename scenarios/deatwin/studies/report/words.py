@@ -8,13 +8,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
+from deatwin.plant.drawing import Figure
 from deatwin.plant.words import listed
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.story import Measure, Note, Table
 from deatwin.studies.report.tables import drawn_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
 _HEADING = re.compile(r"^## +(.+)$", re.MULTILINE)

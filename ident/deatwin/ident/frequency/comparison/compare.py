@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,11 +17,9 @@ from deatwin.ident.frequency.comparison.equality import Equality, equality, holm
 from deatwin.ident.frequency.linear import operating_input_of
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
+from deatwin.plant.drawing import Axes
 from deatwin.plant.errors import ModelError
 from deatwin.plant.words import spaced
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 class Agreement(Enum):

@@ -17,12 +17,10 @@ from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, region_radius
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, nested, several, variable
-from deatwin.plant.drawing import axes_or_new, written_unit
+from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from deatwin.ident.frequency.response import Band
 
 

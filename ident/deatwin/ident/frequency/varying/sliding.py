@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from operator import attrgetter
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +14,9 @@ from deatwin.ident.arguments import probability, real_number
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.datasets import Described, attribute, coordinate, variable
-from deatwin.plant.drawing import panels_or_new
+from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 

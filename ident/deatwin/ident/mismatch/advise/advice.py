@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,15 +23,11 @@ from deatwin.plant.datasets import (
     table_along,
     variable,
 )
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.effects.titles import effects_in_words
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.words import listed, spaced
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 INPUT_FILE = "next_input.csv"
 """Name of the file in which `deatwin diagnose` stores the commands of the advised experiment."""

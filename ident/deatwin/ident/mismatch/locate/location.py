@@ -21,11 +21,10 @@ from deatwin.ident.mismatch.located import LinesSummary, LocationSummary, Readin
 from deatwin.ident.mismatch.model_error import error_in
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, attribute, several
+from deatwin.plant.drawing import Axes
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from deatwin.ident.mismatch.naming.candidate import Candidate
     from deatwin.ident.mismatch.problem import DiagnosisProblem
     from deatwin.ident.mismatch.quality.quality import DataQuality

@@ -17,14 +17,12 @@ from deatwin.ident.greybox.filter_openings import STATE, Opening, places
 from deatwin.ident.mismatch.locate.closure import Closure, closure, closure_p_value, regressions
 from deatwin.ident.mismatch.located import PlaceSummary
 from deatwin.plant.datasets import Described, Metadata, attribute, table_along, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.effects.base import Place
 from deatwin.plant.model import Plant
 from deatwin.plant.words import spaced
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from deatwin.ident.mismatch.naming.candidate import Candidate
     from deatwin.ident.mismatch.problem import DiagnosisProblem
 

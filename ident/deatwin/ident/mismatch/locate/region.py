@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from itertools import cycle
 from operator import attrgetter
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtr
@@ -17,12 +16,8 @@ from deatwin.ident.mismatch.locate.track import Track
 from deatwin.ident.mismatch.located import Region
 from deatwin.ident.soundness import samples_in
 from deatwin.plant.datasets import Described, table_along, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.words import spaced
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 BINS = 12
 BRANCH, SINCE_REST = "branch", "time_since_rest"

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from deatwin.ident.mismatch.advise.advice import write_input
 from deatwin.ident.mismatch.advise.offer import SensorOffer
 from deatwin.plant.amplitudes import axis_label, written_unit
-from deatwin.plant.drawing import axes_or_new, plain_numbers
+from deatwin.plant.drawing import Axes, axes_or_new, plain_numbers
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
 from deatwin.plant.records import INTERNAL, plain
 from deatwin.plant.words import spaced
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 SCHEMA = "deatwin/plan/1"
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,15 +18,11 @@ from deatwin.ident.soundness import noise_of_bends, resolution, runs
 from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.checks import experiment_for, require_excitation, require_samples
 from deatwin.plant.datasets import Described, Metadata, several, status_of, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.words import spaced
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Masks = tuple[tuple[np.ndarray, ...], ...]
 UNSEEN_SHARE = 0.3
