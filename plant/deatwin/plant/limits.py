@@ -8,20 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.builder import Builder
+from deatwin.plant.film import AnyFilm, FilmPoint
 from deatwin.plant.rest import TENSION
 from deatwin.plant.simulate import RunStatus
+from deatwin.plant.timeline import Timeline
 from deatwin.plant.words import spaced
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-    from deatwin.plant.film import AnyFilm, FilmPoint
-    from deatwin.plant.timeline import Timeline
-
 
 Symbol = Any
 BREAKDOWN = "breakdown_share"

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
 from deatwin.plant.integrator.stages import REVERSE
+from deatwin.plant.model import Plant
 from deatwin.plant.rest import TENSION, rest_state, resting
-
-if TYPE_CHECKING:
-    from deatwin.plant.model import Plant
 
 FURTHEST = 0.25
 """Largest move of an unknown between two commands, in units of its scale; a film that snaps moves further."""

@@ -4,29 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.app.identify_periodic import periodic_drawing
+from deatwin.ident.look import BestLinearApproximation
+from deatwin.ident.narx import NarxModel, NarxResponse, Unstable, Validation
 from deatwin.ident.narx.shown import shown_units
+from deatwin.ident.nss import NonlinearStateSpace
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.drawing import envelope, plain_numbers
-from deatwin.plant.recording import label
+from deatwin.plant.recording import Recording, label
 from deatwin.plant.words import as_sentence, spaced
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing, Hue, draw
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
 from deatwin.studies.report.tables import drawn_table
-
-if TYPE_CHECKING:
-    from deatwin.ident.look import BestLinearApproximation
-    from deatwin.ident.narx import NarxModel, NarxResponse, Unstable, Validation
-    from deatwin.ident.nss import NonlinearStateSpace
-    from deatwin.plant.recording import Recording
-
 
 Array = NDArray[np.float64]
 NEXT = {

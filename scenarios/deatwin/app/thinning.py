@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.preprocess import SamplingChoice, SamplingStatus, choose_sampling, decimate
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
-
-if TYPE_CHECKING:
-    from deatwin.ident.narx import NarxModel
 
 LEAST = 100
 """Least samples of each recording after a decimation that is offered: with fewer, a model of some terms has no held-out

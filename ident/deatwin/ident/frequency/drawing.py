@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.plant.arguments import instance
 from deatwin.plant.drawing import Axes, axes_or_new, numbers_of_decades, plain_numbers, written_unit
 from deatwin.plant.errors import ModelError
-
-if TYPE_CHECKING:
-    from deatwin.ident.frequency.response import FrequencyResponse
-
 
 _ROUNDING = 1e-10  # gains below this share of the largest are rounding and are not drawn
 

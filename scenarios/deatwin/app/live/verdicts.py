@@ -7,15 +7,12 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from deatwin.app.live.desk import RESULT, inside
+from deatwin.ident.mismatch import Diagnosis
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.files.recordings import ENDINGS
-
-if TYPE_CHECKING:
-    from deatwin.ident.mismatch import Diagnosis
-
 
 RUN = "run.json"
 MOST_BYTES = 20_000_000

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from deatwin.ident.mismatch import Diagnosis, LocationSummary
 from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
+from deatwin.ident.mismatch.located import Window
 from deatwin.ident.mismatch.quality.faults import OF_READING
+from deatwin.ident.mismatch.result import Fault
 from deatwin.plant.amplitudes import axis_label, reported_size, written_unit
 from deatwin.plant.drawing import Axes, envelope, numbers_of_decades
 from deatwin.plant.prefixes import prefixed
 from deatwin.plant.words import spaced
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, inline
-
-if TYPE_CHECKING:
-    from deatwin.ident.mismatch import Diagnosis, LocationSummary
-    from deatwin.ident.mismatch.located import Window
-    from deatwin.ident.mismatch.result import Fault
-
 
 Array = np.ndarray
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from deatwin.ident.mismatch import Diagnosis, LocationSummary
 from deatwin.ident.mismatch.certainty import how_sure, next_step, percent
 from deatwin.ident.mismatch.say import at_body, called, or_listed, ranked, unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
@@ -14,10 +15,6 @@ from deatwin.studies.report.figures import LEAST_SHARE, drawings
 from deatwin.studies.report.quantities import three_digits, with_interval
 from deatwin.studies.report.rendering import Origin, write_page
 from deatwin.studies.report.steps import forms, noise_source, parameters, shams, step_drawings
-
-if TYPE_CHECKING:
-    from deatwin.ident.mismatch import Diagnosis, LocationSummary
-
 
 MOST_LINES = 6
 STATISTICS = {

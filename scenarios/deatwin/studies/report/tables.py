@@ -5,14 +5,12 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from deatwin.ident.narx import NarxModel
 from deatwin.plant.drawing import Axes, Figure
-
-if TYPE_CHECKING:
-    from deatwin.ident.narx import NarxModel
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

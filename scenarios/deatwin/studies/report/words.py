@@ -6,16 +6,15 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from numpy.typing import ArrayLike
 
 from deatwin.plant.drawing import Figure
 from deatwin.plant.words import listed
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.story import Measure, Note, Table
 from deatwin.studies.report.tables import drawn_table
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 _HEADING = re.compile(r"^## +(.+)$", re.MULTILINE)
 _CODE = re.compile(r"^```\n(.*?)^```$", re.MULTILINE | re.DOTALL)
