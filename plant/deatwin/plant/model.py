@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.effects.places import everywhere
 from deatwin.plant.equations import STAGES, Equations
 from deatwin.plant.errors import ModelError, RigError
-from deatwin.plant.model_error import Discrepancy
 from deatwin.plant.parameters import ParameterSet
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig, require_usable
@@ -28,6 +27,9 @@ from deatwin.plant.simulate import Progress, Runner, Simulator
 from deatwin.plant.simulation import Simulation
 from deatwin.plant.structure import Structure
 from deatwin.plant.timeline import Timeline
+
+if TYPE_CHECKING:
+    from deatwin.plant.model_error import Discrepancy
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deatwin.app.frequency_responses import Responses, columns_of, first_columns, symbol_of, written
 from deatwin.ident.frequency import FrequencyResponse
+from deatwin.ident.frequency.drawing import bode
 from deatwin.ident.frequency.output_responses.excitation import TestSignal
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
@@ -95,8 +96,6 @@ def _suffix(unit: str) -> str:
 
 def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
     """Draw each figure, for the page and as a file."""
-    from deatwin.ident.frequency.drawing import bode
-
     at = f"The operating input is {found.about}"
     for response in found.linear:
         with draw((7.4, 5.2)) as figure:

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from deatwin.app.identify_periodic import periodic_drawing
 from deatwin.ident.look import BestLinearApproximation
 from deatwin.ident.narx import NarxModel, NarxResponse, Unstable, Validation
+from deatwin.ident.narx.names import symbols_of
 from deatwin.ident.narx.shown import shown_units
+from deatwin.ident.narx.written import origins
 from deatwin.ident.nss import NonlinearStateSpace
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.drawing import envelope, plain_numbers
+from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.words import as_sentence, spaced
 from deatwin.studies.folder import ResultFolder
@@ -101,8 +104,6 @@ class Identified:
 
 def write_identified(found: Identified, folder: ResultFolder, record: RunRecord) -> None:
     """Write figures' data, the report and the record."""
-    from deatwin.ident.narx import NarxModel
-
     runs = [found.run(part) for part in found.unseen]
     drawings = [_free_run(found, number, part, run) for number, (part, run) in _first(found, runs)]
     tables, model = [], found.model
@@ -168,7 +169,6 @@ def linear_errors(
 ) -> list[float]:
     """Return free-run errors, SI, on each held-out part, of an output-error model with these lags; empty if it fails."""
     from deatwin.ident.narx.linear import OutputError
-    from deatwin.plant.errors import ModelError
 
     if len(training[0].outputs) > 1:
         return []
@@ -278,9 +278,6 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
 
 
 def _table(model: NarxModel) -> Table:
-    from deatwin.ident.narx.names import symbols_of
-    from deatwin.ident.narx.written import origins
-
     shown, symbols = shown_units(model), symbols_of(model.input_names, model.output_names)
     half = 1.96 * np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0)) * shown.factors
     rows = [

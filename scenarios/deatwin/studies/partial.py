@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from deatwin.ident.mismatch import Step
 from deatwin.plant.amplitudes import amount, amplitude_unit
-from deatwin.plant.model import Plant
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.provenance import RunRecord
 from deatwin.studies.voice import Progress
+
+if TYPE_CHECKING:  # the live view only looks for kept steps, and makes none
+    from deatwin.ident.mismatch import Step
+    from deatwin.plant.model import Plant
+    from deatwin.studies.provenance import RunRecord
+
 
 SCHEMA = "deatwin/partial/1"
 FOLDER = "partial"

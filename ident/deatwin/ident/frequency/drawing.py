@@ -50,8 +50,6 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
     ModelError
         If the response is a function of several frequencies, or `axes` does not have exactly two entries.
     """
-    from deatwin.ident.frequency.response import FrequencyResponse  # which imports this module to draw itself
-
     instance(FrequencyResponse)(response, "response")
     if response.omega.ndim != 1:
         raise ModelError(f"a Bode diagram has one frequency for each value; {response.label} has {response.order}")

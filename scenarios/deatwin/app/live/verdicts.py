@@ -7,12 +7,16 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from deatwin.app.live.desk import RESULT, inside
-from deatwin.ident.mismatch import Diagnosis
+from deatwin.plant.amplitudes import written_unit
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.files.recordings import ENDINGS
+
+if TYPE_CHECKING:
+    from deatwin.ident.mismatch import Diagnosis
+
 
 RUN = "run.json"
 MOST_BYTES = 20_000_000
@@ -83,7 +87,6 @@ class Verdict:
 def _said(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return the diagnosis in words."""
     from deatwin.ident.mismatch import how_sure, next_step
-    from deatwin.plant.amplitudes import written_unit
     from deatwin.studies.report.quantities import with_interval
 
     unit = diagnosis.output.unit

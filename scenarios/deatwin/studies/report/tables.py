@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.narx import NarxModel
 from deatwin.plant.drawing import Axes, Figure
+
+if TYPE_CHECKING:
+    from deatwin.ident.narx import NarxModel
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
