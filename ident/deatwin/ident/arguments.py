@@ -12,11 +12,17 @@ from deatwin.plant.errors import ModelError
 _OTHERS = {"c": "complex numbers", "b": "truth values", "U": "text", "S": "text"}
 
 
-def read_only(values: ArrayLike) -> NDArray[np.float64]:
-    """Return a read-only float copy."""
-    array = np.array(values, dtype=np.float64)
+def read_only(values: ArrayLike, kind: Any = np.float64) -> NDArray[Any]:
+    """Return a read-only copy."""
+    array = np.array(values, dtype=kind)
     array.setflags(write=False)
     return array
+
+
+def keep_read_only(owner: object, *names: str, kind: Any = np.float64) -> None:
+    """Replace attributes of a frozen object by read-only copies."""
+    for name in names:
+        object.__setattr__(owner, name, read_only(getattr(owner, name), kind))
 
 
 def real_numbers(values: ArrayLike, name: str) -> NDArray[np.float64]:

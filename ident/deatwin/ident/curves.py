@@ -1,11 +1,10 @@
-"""Describe the shape, loops and spectra of a simulated or measured recording by numbers."""
+"""Describe shape, loops and spectra of a recording by numbers: `u` (n,) are its commands, V, and `y` (n,) readings, m."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from deatwin.plant.errors import DataError
 
@@ -37,18 +36,16 @@ class LinearShare:
         return tuple(float(p[there].sum() * self.width) for p in (self.inputs, self.outputs, self.explained))  # type: ignore[return-value]
 
 
-def mean_curve(commands: ArrayLike, readings: ArrayLike, width: float = 0.05, least: int = 20) -> tuple[Array, Array]:
+def mean_curve(u: Array, y: Array, width: float = 0.05, least: int = 20) -> tuple[Array, Array]:
     """Return mean command, V, and mean reading, m, (m,) each, in bins of `width` V with at least `least` samples."""
-    u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     number = np.floor((u - u.min()) / width + 1e-9).astype(int)
     count = np.bincount(number)
     used = count >= least
     return tuple(np.bincount(number, v)[used] / count[used] for v in (u, y))  # type: ignore[return-value]
 
 
-def straight_line(levels: ArrayLike, displacements: ArrayLike, below: float = 2.5) -> Line:
+def straight_line(u: Array, y: Array, below: float = 2.5) -> Line:
     """Fit a straight line to the lower part of a voltage-displacement curve, V and m, up to `below`, V."""
-    u, y = np.asarray(levels, dtype=np.float64), np.asarray(displacements, dtype=np.float64)
     lower = u <= below
     if lower.sum() < 3:
         raise DataError(f"{int(lower.sum())} points up to {below:g} V: a line needs at least three to be judged")
@@ -57,18 +54,16 @@ def straight_line(levels: ArrayLike, displacements: ArrayLike, below: float = 2.
     return Line(gain=float(gain), offset=float(offset), misfit=float(misfit))
 
 
-def local_gain(commands: ArrayLike, readings: ArrayLike, at: float, width: float = 0.2) -> float:
+def local_gain(u: Array, y: Array, at: float, width: float = 0.2) -> float:
     """Slope of the voltage-displacement curve at a command, m/V, by a parabola through samples within `width`, V."""
-    u, y = np.asarray(commands, dtype=np.float64) - at, np.asarray(readings, dtype=np.float64)
-    near = np.abs(u) <= width
+    near = np.abs(u - at) <= width
     if near.sum() < 4:
         raise DataError(f"{int(near.sum())} samples within {width:g} V of {at:g} V: a slope needs at least four")
-    return float(np.polyfit(u[near], y[near], 2)[1])
+    return float(np.polyfit(u[near] - at, y[near], 2)[1])
 
 
-def loop_area(commands: ArrayLike, readings: ArrayLike) -> float:
+def loop_area(u: Array, y: Array) -> float:
     r"""Area :math:`\oint u\,dy` of a closed loop, divided by the area of the rectangle around it."""
-    u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     # A cycle begins where the command leaves its lowest value.
     lowest = np.isclose(u, u.min())
     cycles = max(1, int(np.sum(lowest & ~np.roll(lowest, 1))))
@@ -76,9 +71,8 @@ def loop_area(commands: ArrayLike, readings: ArrayLike) -> float:
     return float(area / (cycles * np.ptp(u) * np.ptp(y)))
 
 
-def linear_share(commands: ArrayLike, readings: ArrayLike, sample_time: float, width: float = 0.025) -> LinearShare:
+def linear_share(u: Array, y: Array, sample_time: float, width: float = 0.025) -> LinearShare:
     """Return spectra of output and best linear approximation in bands of `width` Hz (Pintelon & Schoukens 2012)."""
-    u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     n = u.size
     if width * n * sample_time < 2:
         raise DataError(f"{n * sample_time:g} s: bands of {width:g} Hz need at least {2 / width:g} s")

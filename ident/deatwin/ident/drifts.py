@@ -50,11 +50,6 @@ def moving_mean(values: ArrayLike, samples: int) -> Array:
     return mean
 
 
-def root_mean_square(values: ArrayLike) -> float:
-    """Return the root mean square of the magnitudes of all values."""
-    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
-
-
 def mean_shift(
     commands: ArrayLike, readings: ArrayLike, sample_time: float, early: Window, late: Window, block: float = 5.0
 ) -> Shift:

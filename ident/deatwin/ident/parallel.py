@@ -24,7 +24,8 @@ PARENT = os.getppid()  # Parent process; of a worker, the one that wants its res
 
 
 def one_thread(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Return a function that takes one BLAS thread, because on tall and narrow matrices more only wait for each other."""
+    """Return a function that takes one BLAS thread: more wait for each other on tall and narrow matrices, compete with
+    other workers, and round differently."""
 
     @wraps(function)
     def in_one_thread(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
@@ -120,7 +121,7 @@ def jobs_as_they_end(
     tasks = list(jobs)
     if workers == 1 or not tasks:
         for number, task in enumerate(tasks):
-            yield number, _alone(function, task)
+            yield number, one_thread(function)(*task)
         return
     from joblib import Parallel, delayed
 
@@ -155,12 +156,4 @@ def _in_worker(number: int, function: Callable[..., Result], task: tuple[Any, ..
         if os.getppid() != PARENT:
             os._exit(1)
         ignore_interrupts()
-    return number, _alone(function, task)
-
-
-def _alone(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:
-    """Run a job with one BLAS thread, so that workers do not compete for cores or round differently."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1):
-        return function(*task)
+    return number, one_thread(function)(*task)

@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from deatwin.plant.arrays import real_numbers
 from deatwin.plant.branch import branch_step, followed
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.rest import RestState, rest_state
 from deatwin.plant.rest_path import held_rest
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 HALVINGS = 40
 MARKERS = {"pulls in": "o", "breaks down": "x", "goes slack": "v"}

@@ -62,6 +62,11 @@ def read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
     return array
 
 
+def root_mean_square(values: ArrayLike) -> float:
+    """Return the root mean square of the magnitudes of all values."""
+    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+
+
 def require_generator(rng: object) -> None:
     """Raise ModelError for anything but a generator of NumPy, such as a seed."""
     if not isinstance(rng, np.random.Generator):

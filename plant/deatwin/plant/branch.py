@@ -176,9 +176,7 @@ def _signs(equations: Equations, unknowns: np.ndarray, inputs: np.ndarray, value
 @lru_cache(maxsize=64)
 def _tangents(equations: Equations, together: int) -> ca.Function:
     """Return the function ``(w, u, p, c) ->`` derivatives of the equations of rest, for several samples side by side."""
-    n_x = len(equations.states)
-    w, u = ca.SX.sym("w", equations.scale.size), ca.SX.sym("u", equations.held_inputs(0.0).size)
-    p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
-    residual = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c)
+    (w, _, u, _, p, c), (x, z, *_) = equations.symbols()
+    residual = equations.rest(x, z, u, p, c)
     tangent = ca.Function("tangent_of_rest", [w, u, p, c], [ca.densify(ca.jacobian(residual, w))])
     return tangent.map("tangents_of_rest", "serial", together, [2, 3], [])

@@ -8,15 +8,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields, is_dataclass
 from enum import Enum
 from functools import cache
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from deatwin.plant.files.formats.optional import require
-
-if TYPE_CHECKING:
-    from deatwin.plant.recording import Recording
-
+from deatwin.plant.recording import Recording
 
 PARTS = ("real", "imaginary")
 Variables = Mapping[str, tuple[Any, ...]]

@@ -63,6 +63,20 @@ class Equations:
         first = self.output(*point)
         return first if self.further is None else ca.vertcat(first, self.further(*point))
 
+    def symbols(self) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """Return symbols for all unknowns w, for d, u, t, p and c; and the arguments of `dynamics` that they make."""
+        sizes = {
+            "w": self.scale.size,
+            "d": len(self.held),
+            "u": self.held_inputs(0.0).size,
+            "t": 1,
+            "p": len(self.parameters.free),
+            "c": self.constants.size,
+        }
+        w, *others = (ca.SX.sym(name, size) for name, size in sizes.items())
+        n_x = len(self.states)
+        return (w, *others), (w[:n_x, :], w[n_x:, :], *others)
+
     @property
     def begins_at_zero(self) -> np.ndarray:
         """Positions of states that start each sample at zero: integrals for readings that are means."""

@@ -12,12 +12,12 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.errors import RigError
+from deatwin.plant.laws.breakdown import BreakdownLaw
 from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.laws.energies import maxwell_branch
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
-    from deatwin.plant.laws.breakdown import BreakdownLaw
 
 
 Symbol = Any

@@ -8,19 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.builder import Builder
+from deatwin.plant.film import AnyFilm, FilmPoint
 from deatwin.plant.rest import TENSION
 from deatwin.plant.simulate import RunStatus
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-    from deatwin.plant.film import AnyFilm, FilmPoint
-    from deatwin.plant.timeline import Timeline
-
+from deatwin.plant.timeline import Timeline
+from deatwin.plant.words import spaced
 
 Symbol = Any
 BREAKDOWN = "breakdown_share"
@@ -53,7 +51,7 @@ class Event:
     place: str
 
     def __str__(self) -> str:
-        what = self.status.name.lower().replace("_", " ")
+        what = spaced(self.status.name.lower())
         volts = f" ({self.film_voltage:.0f} V on the film)" if np.isfinite(self.film_voltage) else ""
         where = f": {self.place}" if self.place else ""
         return f"{what} at {self.time:.2f} s and a command of {self.command:.3f}{volts}{where}"

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError, SimulationError
 from deatwin.plant.integrator.compiled import cache_folder
@@ -101,12 +102,12 @@ class Discrepancy:
         which = np.clip(np.searchsorted(edges, commands, side="right") - 1, 0, BINS - 1)
         inside = [rest[which == k] for k in range(BINS)]
         return cls(
-            rms=_rms(rest),
+            rms=root_mean_square(rest),
             motion=float(np.std(fine)),
             before=before,
             commands=(edges[:-1] + edges[1:]) / 2,
             mean=np.array([part.mean() if part.size else np.nan for part in inside]),
-            deviation=np.array([_rms(part) if part.size else np.nan for part in inside]),
+            deviation=np.array([root_mean_square(part) if part.size else np.nan for part in inside]),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -173,7 +174,7 @@ def _computed(plant: Plant, finer: Rig, experiment: Experiment, commands: np.nda
         raise SimulationError(f"the film's finer equations cannot serve as a measure here: {lost[0]}")
     fine = np.concatenate([y[0] for y in simulation.outputs])
     fit = _Refit(plant, experiment, fine)
-    before = _rms(fit.residuals(fit.start))
+    before = root_mean_square(fit.residuals(fit.start))
     return Discrepancy.between(fine, fine - fit.rest(), commands, before)
 
 
@@ -253,7 +254,3 @@ def _file(plant: Plant, experiment: Experiment) -> Path:
     folder = cache_folder() / "model_error"
     folder.mkdir(mode=0o700, exist_ok=True)
     return folder / f"{name}.json"
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -12,6 +12,7 @@ from deatwin.plant.arrays import read_only, real_numbers, rows_of_signals, secon
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.files.usual import usual_unit
+from deatwin.plant.words import spaced
 
 UNSTATED = {"input": ("command", "V"), "output": ("displacement", "m")}
 """Name and unit of a single signal if none are given."""
@@ -354,7 +355,7 @@ def _require_one_clock(before: Recording, after: Recording) -> None:
     for kind in ("input_names", "output_names", "input_units", "output_units"):
         if getattr(before, kind) != getattr(after, kind):
             raise DataError(
-                f"{pair}: {kind.replace('_', ' ')} differ: "
+                f"{pair}: {spaced(kind)} differ: "
                 f"{', '.join(getattr(before, kind))} and {', '.join(getattr(after, kind))}"
             )
 

@@ -233,14 +233,10 @@ class _Functions:
 
 @lru_cache(maxsize=64)
 def _functions(equations: Equations) -> _Functions:
-    n_x = len(equations.states)
-    w = ca.SX.sym("w", equations.scale.size)
-    u = ca.SX.sym("u", equations.held_inputs(0.0).size)
-    p = ca.SX.sym("p", len(equations.parameters.free))
-    c = ca.SX.sym("c", equations.constants.size)
-    r, guess = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c), equations.guess(p, c)
+    (w, _, u, _, p, c), (x, z, *_) = equations.symbols()
+    r, guess = equations.rest(x, z, u, p, c), equations.guess(p, c)
     r_w, r_p = ca.jacobian(r, w), ca.densify(ca.jacobian(r, p))
-    d = equations.hold(w[:n_x, :], w[n_x:, :], p, c)
+    d = equations.hold(x, z, p, c)
     return _Functions(
         residual=ca.Function("rest_residual", [w, u, p, c], [ca.densify(r), ca.densify(r_w)]),
         slopes=ca.Function("rest_slopes", [w, u, p, c], [ca.densify(r_w), r_p]),

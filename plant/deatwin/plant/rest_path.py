@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
 from deatwin.plant.integrator.stages import REVERSE
+from deatwin.plant.model import Plant
 from deatwin.plant.rest import TENSION, rest_state, resting
-
-if TYPE_CHECKING:
-    from deatwin.plant.model import Plant
 
 FURTHEST = 0.25
 """Largest move of an unknown between two commands, in units of its scale; a film that snaps moves further."""
@@ -159,13 +156,10 @@ class SampleFunctions:
 
 @lru_cache(maxsize=64)
 def sample_functions(equations: Equations) -> SampleFunctions:
-    n_x = len(equations.states)
-    w, d = ca.SX.sym("w", equations.scale.size), ca.SX.sym("d", len(equations.held))
-    u, t = ca.SX.sym("u", equations.held_inputs(0.0).size), ca.SX.sym("t")
-    p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
-    arguments, split = [w, d, u, t, p, c], [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
+    arguments, split = equations.symbols()
+    w, _, u, _, p, c = arguments
     f, y = ca.cse(equations.dynamics(*split)), equations.output(*split)
-    rest = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c)
+    rest = equations.rest(*split[:2], u, p, c)
     dynamics = resting = ca.Function("small_dynamics", arguments, _with_slopes(f, w, u))
     if equations.integrals or equations.shifts:
         ends = ca.SX(f)

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
 from deatwin.plant.datasets import Brief, clock, dataset
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.limits import Event, film_events
+from deatwin.plant.recording import Experiment
 from deatwin.plant.simulate import Run, RunStatus
 from deatwin.plant.timeline import Timeline
-
-if TYPE_CHECKING:
-    from deatwin.plant.recording import Experiment
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,11 +15,9 @@ from deatwin.plant.equations import Equations
 from deatwin.plant.errors import DataError
 from deatwin.plant.integrator.collocation import radau
 from deatwin.plant.integrator.parts import Step
+from deatwin.plant.model import Plant
 from deatwin.plant.rest import rest_state
 from deatwin.plant.rest_path import NoRestError, Point, followed, inputs_at, require_tension, sample_functions, settled
-
-if TYPE_CHECKING:
-    from deatwin.plant.model import Plant
 
 RANK = 1e-12
 """Singular value of the equations of rest, relative to the largest, below which a combination of them determines

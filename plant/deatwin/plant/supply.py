@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.electrode_loss import rate_of
 from deatwin.plant.errors import RigError
+from deatwin.plant.film import AnyFilm
 from deatwin.plant.rigs.stated import require_number
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-    from deatwin.plant.film import AnyFilm
 
 Symbol = Any
 

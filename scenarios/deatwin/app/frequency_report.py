@@ -5,27 +5,24 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.app.frequency_responses import Responses, columns_of, first_columns, symbol_of, written
 from deatwin.ident.frequency import FrequencyResponse
+from deatwin.ident.frequency.drawing import bode
 from deatwin.ident.frequency.output_responses.excitation import TestSignal
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
 from deatwin.ident.narx import Reliance, ValidationStatus
+from deatwin.plant.drawing import Figure
 from deatwin.plant.prefixes import prefixed
+from deatwin.plant.words import as_sentence
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
-from deatwin.studies.report.words import as_sentence
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 Array = NDArray[np.float64]
 
@@ -99,8 +96,6 @@ def _suffix(unit: str) -> str:
 
 def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
     """Draw each figure, for the page and as a file."""
-    from deatwin.ident.frequency.drawing import bode
-
     at = f"The operating input is {found.about}"
     for response in found.linear:
         with draw((7.4, 5.2)) as figure:

@@ -25,7 +25,7 @@ from deatwin.ident.narx.excited import BAND_KEY, number_of
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import ModelError
 from deatwin.plant.prefixes import with_unit
-from deatwin.studies.report.words import listed
+from deatwin.plant.words import listed
 
 Array = NDArray[np.float64]
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from deatwin.ident.look import BestLinearApproximation, best_linear_approximation
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.prefixes import with_unit
+from deatwin.plant.recording import Recording
+from deatwin.plant.words import as_sentence
 from deatwin.studies.report.drawing import Drawing, draw
 from deatwin.studies.report.tables import drawn_table
-from deatwin.studies.report.words import as_sentence
-
-if TYPE_CHECKING:
-    from deatwin.plant.recording import Recording
 
 
 def approximated(records: Sequence[Recording]) -> BestLinearApproximation | None:

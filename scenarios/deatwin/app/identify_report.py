@@ -4,29 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.app.identify_periodic import periodic_drawing
+from deatwin.ident.look import BestLinearApproximation
+from deatwin.ident.narx import NarxModel, NarxResponse, Unstable, Validation
+from deatwin.ident.narx.names import symbols_of
 from deatwin.ident.narx.shown import shown_units
+from deatwin.ident.narx.written import origins
+from deatwin.ident.nss import NonlinearStateSpace
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.drawing import envelope, plain_numbers
-from deatwin.plant.recording import label
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording, label
+from deatwin.plant.words import as_sentence, spaced
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing, Hue, draw
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
 from deatwin.studies.report.tables import drawn_table
-from deatwin.studies.report.words import as_sentence
-
-if TYPE_CHECKING:
-    from deatwin.ident.look import BestLinearApproximation
-    from deatwin.ident.narx import NarxModel, NarxResponse, Unstable, Validation
-    from deatwin.ident.nss import NonlinearStateSpace
-    from deatwin.plant.recording import Recording
-
 
 Array = NDArray[np.float64]
 NEXT = {
@@ -106,8 +104,6 @@ class Identified:
 
 def write_identified(found: Identified, folder: ResultFolder, record: RunRecord) -> None:
     """Write figures' data, the report and the record."""
-    from deatwin.ident.narx import NarxModel
-
     runs = [found.run(part) for part in found.unseen]
     drawings = [_free_run(found, number, part, run) for number, (part, run) in _first(found, runs)]
     tables, model = [], found.model
@@ -173,7 +169,6 @@ def linear_errors(
 ) -> list[float]:
     """Return free-run errors, SI, on each held-out part, of an output-error model with these lags; empty if it fails."""
     from deatwin.ident.narx.linear import OutputError
-    from deatwin.plant.errors import ModelError
 
     if len(training[0].outputs) > 1:
         return []
@@ -201,9 +196,9 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
         middle.plot(*envelope(timepts, measured - simulated), color=Hue.BEFORE, linewidth=0.8)
         middle.axhline(0, color=Hue.INK, linewidth=0.6)
         lower.plot(*envelope(timepts, command), color=Hue.INK, linewidth=0.8)
-        upper.set_ylabel(axis_label(found.model.output_names[0].replace("_", " "), found.unit))
+        upper.set_ylabel(axis_label(spaced(found.model.output_names[0]), found.unit))
         middle.set_ylabel(axis_label("residual", found.unit))
-        lower.set(xlabel="time (s)", ylabel=axis_label(part.input_names[0].replace("_", " "), part.input_units[0]))
+        lower.set(xlabel="time (s)", ylabel=axis_label(spaced(part.input_names[0]), part.input_units[0]))
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
         given = (
@@ -283,9 +278,6 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
 
 
 def _table(model: NarxModel) -> Table:
-    from deatwin.ident.narx.names import symbols_of
-    from deatwin.ident.narx.written import origins
-
     shown, symbols = shown_units(model), symbols_of(model.input_names, model.output_names)
     half = 1.96 * np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0)) * shown.factors
     rows = [

@@ -8,11 +8,11 @@ import numpy as np
 
 from deatwin.ident.materials import CalibratedMaterial
 from deatwin.plant.prefixes import with_unit
+from deatwin.plant.words import as_sentence, spaced
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing, draw, standalone
 from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
-from deatwin.studies.report.words import as_sentence
 
 MATERIAL_FILE = "material.toml"
 _TITLES = {"stretch": "Stress over stretch", "time": "Stress over time", "frequency": "Moduli over frequency"}
@@ -57,7 +57,7 @@ def _page(found: CalibratedMaterial, drawings: list[Drawing]) -> StoryPage:
         "Parameters",
         found.quantities,
         {
-            "parameter": lambda one: one.name.replace("_", " "),
+            "parameter": lambda one: spaced(one.name),
             "value": lambda one: with_unit(one.value, one.unit),
             "from": lambda one: with_unit(one.low, one.unit),
             "to (95 % interval)": lambda one: with_unit(one.high, one.unit),
@@ -67,7 +67,7 @@ def _page(found: CalibratedMaterial, drawings: list[Drawing]) -> StoryPage:
         "What else was tried",
         found.choices,
         {
-            "energy": lambda one: one.energy.replace("_", " "),
+            "energy": lambda one: spaced(one.energy),
             "branches": lambda one: one.branches,
             "natural logarithm of the odds against this choice": lambda one: f"{one.behind:.1f}",
         },

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from deatwin.ident.mismatch import INPUT_FILE, ExperimentPlan, Foreseen
 from deatwin.plant.amplitudes import amount, axis_label, written_unit
 from deatwin.plant.prefixes import with_unit
+from deatwin.plant.words import as_sentence, listed, spaced
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.quantities import raised, three_digits
 from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
-from deatwin.studies.report.words import as_sentence, listed
 
 
 def write_plan(found: ExperimentPlan, folder: ResultFolder, record: RunRecord) -> None:
@@ -50,7 +50,7 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
         "Effects",
         found.effects,
         {
-            "effect": lambda one: _words(one.effect),
+            "effect": lambda one: spaced(one.effect),
             "smallest detected strength": _least,
             "typical strength": lambda one: raised(with_unit(one.typical, one.unit)),
             axis_label("change of the reading at the typical strength", f"{unit} rms" if unit else ""): lambda one: (
@@ -77,10 +77,10 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
                 "Readings that could be added",
                 found.readings,
                 {
-                    "reading": lambda one: _words(one.reading),
+                    "reading": lambda one: spaced(one.reading),
                     "noise": lambda one: f"{with_unit(one.noise, one.unit)} ({one.noise_source})",
                     "pairs of effects that this reading distinguishes": lambda one: (
-                        ", ".join(" / ".join(map(_words, pair)) for pair in one.tells) or "–"
+                        ", ".join(" / ".join(map(spaced, pair)) for pair in one.tells) or "–"
                     ),
                 },
             )
@@ -109,11 +109,7 @@ def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
         "of all recordings."
     )
     if found.impossible:
-        yield f"The model could not be simulated with {', '.join(map(_words, found.impossible))}."
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
+        yield f"The model could not be simulated with {', '.join(map(spaced, found.impossible))}."
 
 
 def _least(one: Foreseen) -> str:
@@ -123,4 +119,4 @@ def _least(one: Foreseen) -> str:
 def _outcome(one: Foreseen) -> str:
     if not one.visible:
         return "not detected"
-    return f"not distinguished from {listed(list(map(_words, one.alike)))}" if one.alike else "detected"
+    return f"not distinguished from {listed(list(map(spaced, one.alike)))}" if one.alike else "detected"

@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from deatwin.studies.voice import Progress
+
 if TYPE_CHECKING:
     from deatwin.ident.mismatch import ExperimentPlan
     from deatwin.studies.folder import ResultFolder
-    from deatwin.studies.voice import Progress
 
 
 def plan_into(

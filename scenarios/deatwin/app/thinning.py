@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from deatwin.ident.narx import Frols, NarxModel
+from deatwin.ident.narx.assessed import hold_out
 from deatwin.ident.narx.preprocess import SamplingChoice, SamplingStatus, choose_sampling, decimate
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
-
-if TYPE_CHECKING:
-    from deatwin.ident.narx import NarxModel
 
 LEAST = 100
 """Least samples of each recording after a decimation that is offered: with fewer, a model of some terms has no held-out
@@ -66,8 +64,6 @@ def advised(records: Sequence[Recording], choice: SamplingChoice) -> bool:
 def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recording]) -> list[str]:
     """Return a sentence if a linear model of the `whole` recordings is clearly better than the decimated model."""
     from deatwin.app.identify_lags import OUTPUT_LAGS, choose_input_lags
-    from deatwin.ident.narx import Frols
-    from deatwin.ident.narx.assessed import hold_out
 
     if model.sample_time == whole[0].sample_time:
         return []

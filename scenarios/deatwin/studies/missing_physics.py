@@ -19,6 +19,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.records import finite
 from deatwin.plant.rigs.base import Rig
+from deatwin.plant.words import spaced
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.parallel import between
@@ -210,7 +211,7 @@ def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
     rows = []
     for c in sorted(diagnosis.candidates, key=lambda c: c.fitted):
         errors = [f"{error / case.scale:.4g}" for error in (c.fitted, c.unseen)]
-        rows.append([" and ".join(c.effects).replace("_", " ") or "none", *errors])
+        rows.append([spaced(" and ".join(c.effects)) or "none", *errors])
     return WORDS.table("tried", rows, unit=case.unit)
 
 

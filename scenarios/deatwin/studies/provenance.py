@@ -11,12 +11,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from deatwin.studies.folder import ResultFolder
+from typing import Any
 
 from deatwin.plant.files.formats.xlsx import split_sheet
+from deatwin.studies.folder import ResultFolder
 
 SCHEMA = "deatwin/run/1"
 PACKAGES = ("deatwin", "numpy", "scipy", "casadi", "scikit-learn", "pysindy", "control", "joblib", "matplotlib")

@@ -19,6 +19,7 @@ from deatwin.control.stability.limit_cycles import LimitCycle, limit_cycles
 from deatwin.control.stability.loops import loop_margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.plant.model import Plant
+from deatwin.plant.words import listed
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -99,7 +100,7 @@ def _sizes_measured(response: SineResponse) -> str:
     lived = [f"{100 * size:g}" for size in SIZES[: response.amplitudes.size]]
     if len(lived) == len(SIZES):
         return ""
-    sizes = f"{', '.join(lived[:-1])} and {lived[-1]} % of the distance to the command's limits"
+    sizes = f"{listed(lived)} % of the distance to the command's limits"
     return f"; the plant model was tested only with sines of {sizes}, because its simulation fails under larger ones"
 
 

@@ -19,6 +19,7 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
+from deatwin.plant.words import spaced
 
 _TAKEN = ("model", "plant")
 _FOREIGN = 3.0
@@ -91,8 +92,8 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
         )
     if model.output_names[0] in {reading.name for reading in rig.further}:
         raise ModelError(
-            f"the model predicts the {model.output_names[0].replace('_', ' ')}, but a check closes the loop on the rig's first "
-            f"reading, the {rig.output_name.replace('_', ' ')}: identify a model of that reading"
+            f"the model predicts the {spaced(model.output_names[0])}, but a check closes the loop on the rig's first "
+            f"reading, the {spaced(rig.output_name)}: identify a model of that reading"
         )
     for signal, unit, known in (
         ("input", model.input_units[0], rig.input_unit),

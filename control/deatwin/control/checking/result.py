@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from math import inf, isfinite
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from deatwin.control.checking.rows import MarginRow, OperatingPoint
 from deatwin.control.checking.specification import Verdict
@@ -16,15 +16,12 @@ from deatwin.control.controllers.document import controller_from_dict, controlle
 from deatwin.control.linear.model import LinearStatus
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
-from deatwin.plant.amplitudes import amount, written_amplitude
+from deatwin.plant.amplitudes import amount, axis_label, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, columns, document, several
 from deatwin.plant.documents import Saved
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.records import finite
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.words import as_sentence
 
 SCHEMA = "deatwin/check/1"
 _PLAIN = ("excited_band_Hz", "sine_predicted")
@@ -230,7 +227,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
     @property
     def _warned(self) -> str:
         """Return the caveats as sentences."""
-        return "".join(f" {text[0].upper()}{text[1:]}." for text in self.caveats)
+        return "".join(f" {as_sentence(text)}" for text in self.caveats)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot step reference, predicted output and output of the plant model over time, on `ax` or new axes."""
@@ -244,7 +241,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
             if self.predicted is None:
                 axes.plot(steps.timepts, steps.reference / size, "--", color="0.4", linewidth=0.9, label="reference")
             axes.set_xlabel("time (s)")
-            axes.set_ylabel(f"output ({unit})" if unit else "output")
+            axes.set_ylabel(axis_label("output", unit))
             axes.legend()
         axes.set_title(f"{self.verdict.value}: {self.worst_case.text}", fontsize="small", wrap=True)
         return axes

@@ -16,12 +16,12 @@ from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
+from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.datasets import Described, Metadata, coordinate, gain_unit, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from scipy.interpolate import PchipInterpolator
 
 
@@ -78,10 +78,7 @@ class StaticCurve(Described):
 
     def __post_init__(self) -> None:
         require_fields(self, inputs=numbers, outputs=numbers)
-        for name in ("inputs", "outputs"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_read_only(self, "inputs", "outputs")
         if self.inputs.ndim != 1 or self.inputs.size < 2 or self.outputs.shape != self.inputs.shape:
             raise ControlError("a static curve needs at least two points, an output to each input")
         if not (np.all(np.isfinite(self.inputs)) and np.all(np.isfinite(self.outputs))):

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import numbers, require_fields
 from deatwin.control.errors import ControlError
+from deatwin.ident.arguments import keep_read_only
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -52,10 +53,7 @@ class Law:
 
     def __post_init__(self) -> None:
         require_fields(self, a=numbers, b=numbers, c=numbers, d=numbers)
-        for name in ("a", "b", "c", "d"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_read_only(self, "a", "b", "c", "d")
         n = self.c.size
         shapes = {"a": (n, n), "b": (n, 2), "c": (n,), "d": (2,)}
         for name, shape in shapes.items():

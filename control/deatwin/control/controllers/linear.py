@@ -13,6 +13,7 @@ from deatwin.control.arguments import instance, numbers, require_fields
 from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import READING, REFERENCE, Law
 from deatwin.control.errors import ControlError
+from deatwin.ident.arguments import keep_read_only
 
 Array = NDArray[np.float64]
 
@@ -54,14 +55,12 @@ class LinearController(Controller):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_fields(self, law=instance(Law), windup=numbers)
-        values = np.array(self.windup, dtype=np.float64)
-        values.setflags(write=False)
-        object.__setattr__(self, "windup", values)
-        if values.shape != self.law.c.shape:
-            raise ControlError(f"windup has the shape {values.shape}: it must be {self.law.c.shape}")
-        if not np.isfinite(values).all():
+        keep_read_only(self, "windup")
+        if self.windup.shape != self.law.c.shape:
+            raise ControlError(f"windup has the shape {self.windup.shape}: it must be {self.law.c.shape}")
+        if not np.isfinite(self.windup).all():
             raise ControlError("windup must be finite")
-        held = np.abs(np.linalg.eigvals(self.law.a - np.outer(values, self.law.c))).max(initial=0.0)
+        held = np.abs(np.linalg.eigvals(self.law.a - np.outer(self.windup, self.law.c))).max(initial=0.0)
         if not held < 1.0:
             raise ControlError(f"at a limit the controller's states would drift away (eigenvalue {held:.4g})")
 

@@ -14,6 +14,7 @@ from deatwin.control.arguments import each, instance, numbers, require_fields
 from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import READING, REFERENCE, Law
 from deatwin.control.errors import ControlError
+from deatwin.ident.arguments import keep_read_only, read_only
 
 Array = NDArray[np.float64]
 
@@ -63,12 +64,9 @@ class ScheduledController(Controller):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_fields(self, points=numbers, laws=each(instance(Law)), windup=numbers)
-        points, windup = (np.array(getattr(self, name), dtype=np.float64) for name in ("points", "windup"))
-        if windup.ndim == 1:
-            windup = np.tile(windup, (points.size, 1))
-        for name, values in (("points", points), ("windup", windup)):
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_read_only(self, "points", "windup")
+        if self.windup.ndim == 1:
+            object.__setattr__(self, "windup", read_only(np.tile(self.windup, (self.points.size, 1))))
         increasing = np.isfinite(self.points).all() and np.all(np.diff(self.points) > 0.0)
         if self.points.size < 2 or not increasing or self.points.size != len(self.laws):
             raise ControlError(f"a schedule needs two or more increasing points, a law at each; got {self.points}")

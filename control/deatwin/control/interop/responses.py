@@ -12,14 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import instance, numbers, taking
 from deatwin.control.linear.model import LinearModel, linear_model
+from deatwin.ident.arguments import keep_read_only
 from deatwin.ident.frequency import FrequencyResponse
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
-from deatwin.plant.drawing import axes_or_new, numbers_of_decades, plain_numbers, written_unit
+from deatwin.plant.drawing import Axes, axes_or_new, numbers_of_decades, plain_numbers, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from control import FrequencyResponseData
-    from matplotlib.axes import Axes
 
 
 Array = NDArray[np.float64]
@@ -56,12 +56,10 @@ class Frd(Described):
     }
 
     def __post_init__(self) -> None:
-        covariance = np.array(self.covariance, dtype=np.float64)
-        covariance.setflags(write=False)
-        object.__setattr__(self, "covariance", covariance)
-        if covariance.shape != (self.omega.size, 2, 2):
+        keep_read_only(self, "covariance")
+        if self.covariance.shape != (self.omega.size, 2, 2):
             raise ModelError(
-                f"the covariance has the shape {covariance.shape}: {self.omega.size} frequencies need "
+                f"the covariance has the shape {self.covariance.shape}: {self.omega.size} frequencies need "
                 f"({self.omega.size}, 2, 2)"
             )
 

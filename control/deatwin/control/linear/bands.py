@@ -6,18 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.linear.family import LinearFamily
+from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, gain_unit, several
-from deatwin.plant.drawing import axes_or_new, numbers_of_decades, written_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.drawing import Axes, axes_or_new, numbers_of_decades, written_unit
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -131,7 +128,7 @@ class FamilyBands(Described):
     def _along(self) -> tuple[Array, str]:
         """Return operating inputs or times, shape (n_points,), and the label of their axis."""
         unit = self.family.input_unit
-        return self.operating_inputs, f"operating {self.family.input_name}" + (f" ({unit})" if unit else "")
+        return self.operating_inputs, axis_label(f"operating {self.family.input_name}", unit)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot the static gain with its band over operating input or time, on `ax` or new axes."""
@@ -151,7 +148,7 @@ class FamilyBands(Described):
         lost = ~self.stable & self.family.exists[:, 0]
         if lost.any():
             axes.plot(along[lost], factor * gain.value[lost], "x", color="C3", label="unstable")
-        axes.set_ylabel(f"static gain ({unit})" if unit else "static gain")
+        axes.set_ylabel(axis_label("static gain", unit))
         axes.set_xlabel(label)
         _legend_above(axes)
         return axes

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import instance, numbers, positive, require_fields, taking
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.realisation import Realisation
-from deatwin.ident.arguments import real_numbers
+from deatwin.ident.arguments import keep_read_only, read_only, real_numbers
 from deatwin.ident.frequency.checks import polynomial_model
 from deatwin.ident.frequency.dc import equilibrium, expand
 from deatwin.ident.frequency.linear import levels, motion, operating_input_of
@@ -89,10 +89,8 @@ class LinearFamily:
             sample_time=positive,
         )
         shape = np.shape(self.exists)
-        for name in ("operating_inputs", "operating_outputs", "numerators", "denominators"):
-            object.__setattr__(self, name, _read_only(getattr(self, name), np.float64))
-        for name in ("exists", "stable", "has_gain"):
-            object.__setattr__(self, name, _read_only(getattr(self, name), np.bool_))
+        keep_read_only(self, "operating_inputs", "operating_outputs", "numerators", "denominators")
+        keep_read_only(self, "exists", "stable", "has_gain", kind=np.bool_)
         fits = [a.shape == shape for a in (self.operating_outputs, self.stable, self.has_gain)]
         fits += [a.ndim == 3 and a.shape[:2] == shape for a in (self.numerators, self.denominators)]
         if self.realisations:
@@ -162,28 +160,28 @@ class LinearFamily:
         """G(1), output unit per input unit, shape (n_points, n_samples); NaN without an equilibrium."""
         if self.realisations:
             known = [[np.nan if one is None else one.static_gain for one in row] for row in self.realisations]
-            return _read_only(known, np.float64)
+            return read_only(known)
         with np.errstate(divide="ignore", invalid="ignore"):
             gains = self.numerators.sum(axis=2) / self.denominators.sum(axis=2)
-        return _read_only(np.where(self.exists, gains, np.nan), np.float64)
+        return read_only(np.where(self.exists, gains, np.nan))
 
     @cached_property
     def poles(self) -> NDArray[np.complex128]:
         """Poles in the z plane, shape (n_points, n_samples, n_a); NaN without an equilibrium."""
         n_a = self.denominators.shape[2] - 1
         if n_a == 0:
-            return _read_only(np.zeros((*self.exists.shape, 0)), np.complex128)
+            return read_only(np.zeros((*self.exists.shape, 0)), np.complex128)
         if self.realisations:
             modes = [[np.zeros(0) if one is None else one.modes for one in row] for row in self.realisations]
             padded = np.array([[np.pad(one, (0, n_a - one.size)) for one in row] for row in modes], dtype=np.complex128)
             padded[~self.exists] = np.nan
-            return _read_only(padded, np.complex128)
+            return read_only(padded, np.complex128)
         companion = np.zeros((*self.exists.shape, n_a, n_a))
         companion[..., 1:, :-1] = np.eye(n_a - 1)
         companion[..., 0, :] = -self.denominators[..., 1:]
         poles = np.linalg.eigvals(companion).astype(np.complex128)
         poles[~self.exists] = np.nan
-        return _read_only(poles, np.complex128)
+        return read_only(poles, np.complex128)
 
     def in_loop(self, reading: ReadingTime) -> LinearFamily:
         """Return the models from the command to the readings, with the delay that a control loop has.
@@ -321,9 +319,3 @@ def _realisations(models: Sequence[Sequence[LinearModel]]) -> tuple[tuple[Realis
     if any(m.realisation is None and m.operating_output is not None for row in models for m in row):
         return ()
     return tuple(tuple(m.realisation for m in row) for row in models)
-
-
-def _read_only(values: Any, dtype: Any) -> NDArray[Any]:
-    array = np.array(values, dtype=dtype)
-    array.setflags(write=False)
-    return array

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import finite, instance, number, numbers, positive, require_fields
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.realisation import Realisation
+from deatwin.ident.arguments import keep_read_only
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, gain_unit, status_of, variable
 from deatwin.plant.errors import ModelError
@@ -150,10 +151,7 @@ class LinearModel(Described):
             number(self.operating_output, "operating_output")
         if self.status.ok:
             require_fields(self, operating_input=finite, operating_output=finite)
-        for name in ("numerator", "denominator", "covariance"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_read_only(self, "numerator", "denominator", "covariance")
         size = self.numerator.size + self.denominator.size - 1
         if self.numerator.ndim != 1 or self.denominator.ndim != 1 or self.denominator[:1].tolist() != [1.0]:
             raise ModelError("a linear model needs lists of coefficients, and a denominator whose first is 1")

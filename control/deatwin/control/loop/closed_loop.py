@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,18 +14,15 @@ from deatwin.control.arguments import function, generator, instance, not_negativ
 from deatwin.control.controllers.base import Controller
 from deatwin.control.errors import ControlError
 from deatwin.control.progress import Progress
-from deatwin.plant.amplitudes import written_amplitude
+from deatwin.ident.arguments import keep_read_only
+from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.simulate import RunStatus, Stepper
 from deatwin.plant.timeline import Timeline
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 
@@ -88,12 +85,10 @@ class ClosedLoop(Described):
     }
 
     def __post_init__(self) -> None:
+        keep_read_only(self, *_SERIES)
         for name in _SERIES:
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
-            if values.shape != (self.timepts.size,):
-                raise ControlError(f"{name} of a run has the shape {values.shape}: it must be ({self.timepts.size},)")
+            if (shape := getattr(self, name).shape) != (self.timepts.size,):
+                raise ControlError(f"{name} of a run has the shape {shape}: it must be ({self.timepts.size},)")
         late = np.flatnonzero(~(np.diff(self.timepts) > 0.0))
         if late.size:
             at = int(late[0]) + 1
@@ -169,7 +164,7 @@ class ClosedLoop(Described):
         axes.plot(self.timepts, self.reference / size, "--", label="reference")
         axes.plot(self.timepts, self.output / size, label="output")
         axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"output ({unit})" if unit else "output")
+        axes.set_ylabel(axis_label("output", unit))
         axes.legend()
         return axes
 

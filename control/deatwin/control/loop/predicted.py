@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import ceil
 from operator import attrgetter
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,21 +15,18 @@ from deatwin.control.arguments import function, generator, instance, not_negativ
 from deatwin.control.controllers.base import Controller
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.progress import Progress
+from deatwin.ident.arguments import keep_read_only
 from deatwin.ident.frequency import equilibrium
 from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import NarxModel, Variable
 from deatwin.ident.narx.residual import Residual
 from deatwin.ident.narx.response import divergence_limit
-from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.simulate import RunStatus
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 
@@ -83,10 +80,7 @@ class PredictedLoop(Described):
     }
 
     def __post_init__(self) -> None:
-        for name in ("timepts", "reference", "outputs", "commands"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_read_only(self, "timepts", "reference", "outputs", "commands")
 
     @property
     def middle(self) -> Array:
@@ -161,7 +155,7 @@ class PredictedLoop(Described):
         axes.plot(self.timepts, middle, label="predicted")
         axes.plot(self.timepts, self.reference / size, "--", color="0.4", linewidth=0.9, label="reference")
         axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"output ({unit})" if unit else "output")
+        axes.set_ylabel(axis_label("output", unit))
         axes.legend()
         return axes
 

@@ -16,6 +16,7 @@ from deatwin.control.errors import ControlError
 from deatwin.control.loop.closed_loop import approach
 from deatwin.control.loop.long_run import LongRun
 from deatwin.control.progress import Progress, part
+from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.model import Plant
 
 if TYPE_CHECKING:
@@ -61,10 +62,8 @@ class SineResponse:
 
     def __post_init__(self) -> None:
         require_fields(self, amplitudes=_increasing, omega=_increasing, values=_complex)
-        for name, kind in (("amplitudes", np.float64), ("omega", np.float64), ("values", np.complex128)):
-            array = np.array(getattr(self, name), dtype=kind)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        keep_read_only(self, "amplitudes", "omega")
+        keep_read_only(self, "values", kind=np.complex128)
         shape = self.amplitudes.size, self.omega.size
         if self.values.shape != shape:
             raise ControlError(f"values of a response have the shape {self.values.shape}: it must be {shape}")

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,11 +26,7 @@ from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, interval_radius
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, table_along, variable
-from deatwin.plant.drawing import axes_or_new
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.drawing import Axes, axes_or_new
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -134,7 +130,7 @@ class MarginBand(Described):
         near = np.flatnonzero(np.abs(values) < 2.5)
         axes.plot(values.real, values.imag, color="C0", label="loop of the model")
         if near.size:
-            shown = near[_evenly_along(values[near], _ELLIPSES)]
+            shown = near[evenly_along(values[near], _ELLIPSES)]
             outlines = self.ellipse()[shown]
             segments = list(np.stack([outlines.real, outlines.imag], axis=-1))
             name = f"{100 * self.level:g} % band, all frequencies at once"
@@ -402,7 +398,7 @@ def _along_axes(away: Complex, ellipses: Ellipses) -> Array:
     return np.stack([away.real * ellipses.axes[:, 0, i] + away.imag * ellipses.axes[:, 1, i] for i in (0, 1)], axis=-1)
 
 
-def _evenly_along(values: Complex, count: int) -> NDArray[np.intp]:
+def evenly_along(values: Complex, count: int) -> NDArray[np.intp]:
     """Return positions of points at equal distances along a curve."""
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
     return np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(max=values.size - 1))

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, overload
+from typing import ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import coefficients, function, numbers, positive, taking
 from deatwin.control.errors import ControlError
+from deatwin.ident.frequency.frozen import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
-from deatwin.plant.drawing import axes_or_new
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.drawing import Axes, axes_or_new
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -49,7 +46,7 @@ class LimitCycle:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LimitCycles(Described, Sequence[LimitCycle]):
+class LimitCycles(Described, Frozen, Sequence[LimitCycle]):
     """Predicted limit cycles of a loop in order of increasing amplitude, with the curves that predict them.
 
     Parameters
@@ -76,10 +73,6 @@ class LimitCycles(Described, Sequence[LimitCycle]):
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "n_cycles": attribute(of=len),
     }
-
-    def __post_init__(self) -> None:
-        for array in (self.omega, self.loop, self.amplitudes, self.describing):
-            array.setflags(write=False)
 
     @overload
     def __getitem__(self, index: int) -> LimitCycle: ...

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import polynomials, positive, taking
 from deatwin.control.stability.circle import Places, search
 from deatwin.control.stability.polynomials import jet, loop_polynomials, stable_loops
+from deatwin.ident.frequency.frozen import Frozen
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -19,7 +20,7 @@ _POLE = 1e3  # Gain above which a loop whose denominator is rounding has a pole
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Margins:
+class Margins(Frozen):
     """Margins of one or several loops L, as `margins` returns them; all margins are 0 if the closed loop is unstable.
 
     Each array has the shape (...) of the loops that were given to `margins`, with one entry for each loop.
@@ -53,10 +54,6 @@ class Margins:
     disk: Array
     modulus: Array
     stable: NDArray[np.bool_]
-
-    def __post_init__(self) -> None:
-        for array in vars(self).values():
-            array.setflags(write=False)
 
     @property
     def disk_gain(self) -> Array:

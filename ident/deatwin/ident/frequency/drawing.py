@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.plant.arguments import instance
-from deatwin.plant.drawing import axes_or_new, numbers_of_decades, plain_numbers, written_unit
+from deatwin.plant.drawing import Axes, axes_or_new, numbers_of_decades, plain_numbers, written_unit
 from deatwin.plant.errors import ModelError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from deatwin.ident.frequency.response import FrequencyResponse
-
 
 _ROUNDING = 1e-10  # gains below this share of the largest are rounding and are not drawn
 
@@ -55,8 +50,6 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
     ModelError
         If the response is a function of several frequencies, or `axes` does not have exactly two entries.
     """
-    from deatwin.ident.frequency.response import FrequencyResponse  # which imports this module to draw itself
-
     instance(FrequencyResponse)(response, "response")
     if response.omega.ndim != 1:
         raise ModelError(f"a Bode diagram has one frequency for each value; {response.label} has {response.order}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, partial
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +16,10 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.frozen import Frozen
+from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from deatwin.ident.frequency.many import Evaluated
-
+from deatwin.plant.drawing import Axes
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

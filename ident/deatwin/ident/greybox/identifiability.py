@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,10 @@ from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.survey import held
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError, ModelError, nearest
 from deatwin.plant.parameters import Parameter
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.words import spaced
 
 Array = NDArray[np.float64]
 
@@ -94,7 +91,7 @@ class Profile(Described):
         ax.plot(self.values, self.deviances, "o", color="C0", markersize=4)
         ax.axhline(LIMIT, color="0.4", linestyle="--", linewidth=0.8, label="95 %")
         ax.axvspan(self.low, self.high, color="C0", alpha=0.15, linewidth=0)
-        ax.set_xlabel(f"{self.parameter.name.replace('_', ' ')} ({self.parameter.unit})")
+        ax.set_xlabel(f"{spaced(self.parameter.name)} ({self.parameter.unit})")
         ax.set_ylabel("deviance")
         ax.legend()
         return ax

@@ -12,6 +12,7 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.parts import Part, simulated
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -47,13 +48,13 @@ class StructuralScale:
         refitted = descend(plant, [_part(self.experiment, readings)], tolerance=TOLERANCE)
         if not refitted.status.ok:
             raise SimulationError(f"no refit of the base plant: {refitted.status.value}")
-        return _rms(refitted.residuals - self.form.residuals) / self.noise
+        return root_mean_square(refitted.residuals - self.form.residuals) / self.noise
 
     def _left(self, readings: Sequence[np.ndarray]) -> tuple[float, float]:
         """Return the rms, m, left by refits of the base plant with its own reading time and with the other one."""
         change = np.concatenate(readings) - self.clean
         both = (change, change + self._advance)
-        return tuple(_rms(taken_off(c, self._basis)) for c in both)  # type: ignore[return-value]
+        return tuple(root_mean_square(taken_off(c, self._basis)) for c in both)  # type: ignore[return-value]
 
     @cached_property
     def _basis(self) -> np.ndarray:
@@ -77,7 +78,3 @@ def _read_otherwise(plant: Plant) -> Plant:
 def _part(experiment: Experiment, readings: Sequence[np.ndarray]) -> Part:
     pairs = zip(experiment.recordings, readings, strict=True)
     return Part.whole(Experiment(recordings=tuple(replace(r, outputs=y[None]) for r, y in pairs)))
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

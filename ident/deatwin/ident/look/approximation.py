@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.plant.amplitudes import axis_label, written_amplitude
-from deatwin.plant.drawing import panels_or_new, written_unit
+from deatwin.plant.drawing import Axes, panels_or_new, written_unit
 from deatwin.plant.prefixes import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +21,10 @@ from deatwin.ident.narx.preprocess.findings import FEWEST
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.soundness import resolution
 from deatwin.plant.amplitudes import axis_label, written_amplitude
-from deatwin.plant.drawing import envelope, panels_or_new
+from deatwin.plant.drawing import Axes, envelope, panels_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording, label
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.materials.energies import equibiaxial_of
+from deatwin.ident.materials.fit import Fit, Quantity
+from deatwin.ident.materials.noise import Noise
+from deatwin.ident.materials.observations import Observations
+from deatwin.ident.materials.result import Choice
 from deatwin.plant.laws.energies import first_invariant
-
-if TYPE_CHECKING:
-    from deatwin.ident.materials.fit import Fit, Quantity
-    from deatwin.ident.materials.noise import Noise
-    from deatwin.ident.materials.observations import Observations
-    from deatwin.ident.materials.result import Choice
-    from deatwin.plant.substance import Material
+from deatwin.plant.substance import Material
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +15,10 @@ from deatwin.ident.materials.noise import Noise
 from deatwin.ident.materials.observations import Block, Observations
 from deatwin.ident.materials.section import toml_of
 from deatwin.ident.materials.tests import MaterialTest
-from deatwin.plant.drawing import panels_or_new
+from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.records import Json
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.substance import Material
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from deatwin.ident.materials.energies import EnergyStart
+from deatwin.ident.materials.fit import Fit, Quantity
 from deatwin.plant.errors import RigError
 from deatwin.plant.laws.formula import Formula
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.substance import energy_named
-
-if TYPE_CHECKING:
-    from deatwin.ident.materials.fit import Fit, Quantity
 
 KEYS = ("name", "energy", "parameters", "permittivity", "breakdown", "density_kg_m3")
 """Keys that may be stated; branches are determined by the tests."""

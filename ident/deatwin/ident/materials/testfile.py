@@ -23,6 +23,7 @@ from deatwin.plant.files.wanted import in_units, split_stated
 from deatwin.plant.rigs.rigkeys import Keys, NumberKey, TextKey, kind_of
 from deatwin.plant.rigs.tomlfile import TomlFile
 from deatwin.plant.safe_read import clipped
+from deatwin.plant.words import first_of
 
 Array = NDArray[np.float64]
 
@@ -117,8 +118,7 @@ def read_material_tests(path: str | Path) -> MaterialTests:
     except RigError as error:
         raise DataError(str(error)) from None
     if mistakes := list(_mistakes(data)):
-        more = f" and {len(mistakes) - 10} more" if len(mistakes) > 10 else ""
-        raise DataError(f"{path}: {'; '.join(mistakes[:10])}{more}")
+        raise DataError(f"{path}: {first_of(mistakes, 10, '; ')}")
     try:
         stated_energy(data.get("material", {}))
     except RigError as error:

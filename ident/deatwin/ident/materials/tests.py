@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.ident.materials.flow import STRETCHES
 from deatwin.plant.arrays import real_numbers
 from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.words import listed
 
 Array = NDArray[np.float64]
 
@@ -81,7 +82,7 @@ class MaterialTest:
         arrays = {name: self._numbers(name) for name in names}
         shapes = {values.shape for values in arrays.values()}
         if len(shapes) != 1 or len(*shapes) != 1 or next(iter(shapes))[0] < FEWEST:
-            raise DataError(f"{self.name}: a {self.kind} test needs {_listed(names)} of one length, {FEWEST} or more")
+            raise DataError(f"{self.name}: a {self.kind} test needs {listed(names)} of one length, {FEWEST} or more")
         if self.is_dma:
             arrays["stretch"] = self._numbers("stretch")
             if arrays["stretch"].ndim:
@@ -135,7 +136,3 @@ class MaterialTest:
         times = np.asarray(self.times)
         # The 10 % quantile, because a machine may sample faster where it reverses.
         return float(np.quantile(np.diff(times), 0.1)), float(times[-1])
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return f"{', '.join(names[:-1])} and {names[-1]}"

@@ -10,9 +10,10 @@ from deatwin.ident.mismatch.detect.origin import FOREIGN, UNPREDICTED
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.quality.quality import FAULTY_SHARE, FEWEST_FAULTY
 from deatwin.ident.mismatch.result import LEAST_TOLD
-from deatwin.ident.mismatch.say import called, headline, number, spaced
+from deatwin.ident.mismatch.say import called, headline, number
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.plant.amplitudes import amount, written_unit
+from deatwin.plant.words import spaced
 
 HARDLY = 0.005
 """Probability that is shown as 0 %."""

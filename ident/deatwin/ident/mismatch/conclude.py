@@ -36,6 +36,7 @@ from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.model import Plant
+from deatwin.plant.words import spaced
 
 MARGIN = 0.05
 """Probability that a named cause is wrong although the evidence is certain. Of 48 causes named in a study of concealed
@@ -150,7 +151,7 @@ def _doubtful_values(findings: Findings) -> Iterator[str]:
         if name in nominal and is_wrong(fitted[name], nominal[name]):
             found, known = (amount(number(p.value), p.unit) for p in (fitted[name], nominal[name]))
             yield (
-                f"the fitted {name.replace('_', ' ')}, {found}, is far from its nominal value, {known}: measure this parameter "
+                f"the fitted {spaced(name)}, {found}, is far from its nominal value, {known}: measure this parameter "
                 "if you can, because missing physics can change a fitted value, as a lag changes that of a damping"
             )
 
@@ -252,7 +253,7 @@ def _variants_of_alternatives(findings: Findings) -> Iterator[str]:
 def _in_words(explanation: Candidate) -> str:
     """Return the names of an explanation's effects as in a sentence."""
     effects = [e for e in explanation.calibration.plant.effects if e.name in explanation.effects]
-    return " and ".join(effect.title or effect.name.replace("_", " ") for effect in effects)
+    return " and ".join(effect.title or spaced(effect.name) for effect in effects)
 
 
 def _causes(findings: Findings) -> tuple[Cause, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -31,13 +31,10 @@ from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, columns, document, several
 from deatwin.plant.documents import read_document, write_document
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.records import INTERNAL, OPTIONAL, key, plain, read
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.words import spaced
 
 SCHEMA = "deatwin/diagnosis/2"
 NOWHERE: Mapping[str, Sequence[object]] = {"time": (), "frequency": (), "region": (), "place": (), "response": ()}
@@ -242,8 +239,8 @@ class Diagnosis(Described):
             raise ModelError("this diagnosis has no evidence to draw: a file keeps the conclusions, not the recordings")
         axes = axes_or_new(ax)
         draw_residuals(self.readings, self.output.unit, axes)
-        names = " and ".join(cause.effect.replace("_", " ") for cause in self.causes)
-        axes.set_title(f"{self.verdict.value.replace('_', ' ')}{': ' if names else ''}{names}")
+        names = " and ".join(spaced(cause.effect) for cause in self.causes)
+        axes.set_title(f"{spaced(self.verdict.value)}{': ' if names else ''}{names}")
         return axes
 
     @classmethod

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from deatwin.plant.amplitudes import reported_size, written_unit
+from deatwin.plant.drawing import Axes
 from deatwin.plant.recording import Experiment
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 SPACE = 0.02
 """Gap between experiments that are drawn one after another, as a share of their total length."""

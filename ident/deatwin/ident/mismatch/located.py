@@ -7,6 +7,7 @@ from operator import attrgetter
 
 from deatwin.plant.datasets import variable
 from deatwin.plant.records import OPTIONAL, key
+from deatwin.plant.words import spaced
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,12 +150,12 @@ class ReadingLocation:
     def sentence(self) -> str:
         """Return, in words, where most of the mismatch lies."""
         if not self.time and not self.frequency:
-            return f"{self.reading.replace('_', ' ')}: there is no mismatch beyond sensor noise"
+            return f"{spaced(self.reading)}: there is no mismatch beyond sensor noise"
         window = max(self.time, key=lambda one: one.score, default=None)
         band = max(self.frequency, key=lambda one: one.excess_dB, default=None)
         when = "" if window is None else f"from {window.from_s:.2f} to {window.to_s:.2f} s"
         where = "" if band is None else f"from {band.from_Hz:.3g} to {band.to_Hz:.3g} Hz"
-        return f"{self.reading.replace('_', ' ')}: the mismatch is largest {' and '.join(filter(None, (when, where)))}"
+        return f"{spaced(self.reading)}: the mismatch is largest {' and '.join(filter(None, (when, where)))}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,7 @@ from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.plant.datasets import variable
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.records import OPTIONAL, Json, key
+from deatwin.plant.words import spaced
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,12 +76,12 @@ class ReadingSummary:
     @property
     def name(self) -> str:
         """Name of the signal for use in a sentence."""
-        return self.reading.replace("_", " ")
+        return spaced(self.reading)
 
 
 def _likely(probabilities: Mapping[str, float]) -> str:
     """Write the explanations with a probability of at least 1 %, the likeliest first."""
-    worth = {names.replace("_", " "): share for names, share in probabilities.items() if share >= LEAST_TOLD}
+    worth = {spaced(names): share for names, share in probabilities.items() if share >= LEAST_TOLD}
     return " or ".join(f"{names} ({100 * share:.0f} %)" for names, share in worth.items())
 
 

@@ -25,6 +25,7 @@ from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import ModelError
 from deatwin.plant.prefixes import prefixed, resolving
 from deatwin.plant.recording import label
+from deatwin.plant.words import as_sentence, listed, spaced
 
 SMALL_SHARE = 0.5
 """Share of the mismatch below which a cause is said to explain only a part of it."""
@@ -67,7 +68,7 @@ def say(diagnosis: Diagnosis) -> str:
     str
         Several sentences, the finding first.
     """
-    said = " ".join(f"{_first_up(one)}." for one in _SENTENCES[diagnosis.verdict](diagnosis) if one)
+    said = " ".join(as_sentence(one) for one in _SENTENCES[diagnosis.verdict](diagnosis) if one)
     first, level, rest = said.partition(_LEVEL)
     return first + level + rest.replace(_LEVEL, "")
 
@@ -97,7 +98,7 @@ def _changed(diagnosis: Diagnosis) -> str:
     }
     largest = sorted(factors, key=lambda name: -factors[name])[:MOST_CHANGED]
     said = [_beside_nominal(name, diagnosis.parameters[name]) for name in largest]
-    return f"the largest changes are those of {_and(said)}" if said else ""
+    return f"the largest changes are those of {listed(said)}" if said else ""
 
 
 def _beside_nominal(name: str, parameter: FittedParameter) -> str:
@@ -124,14 +125,9 @@ def _explained(causes: Sequence[Cause]) -> str:
     return f"{', '.join([start, *each[:-1]])}, and {each[-1]}"
 
 
-def _and(texts: Sequence[str]) -> str:
-    """Join texts in words."""
-    return " and ".join([*filter(None, [", ".join(texts[:-1])]), *texts[-1:]])
-
-
 def _names(diagnosis: Diagnosis) -> str:
     """Return the names of the causes."""
-    return _and([spaced(cause.effect) for cause in diagnosis.causes])
+    return listed([spaced(cause.effect) for cause in diagnosis.causes])
 
 
 def _ambiguous(diagnosis: Diagnosis) -> list[str]:
@@ -139,7 +135,7 @@ def _ambiguous(diagnosis: Diagnosis) -> list[str]:
     first, others = headline(diagnosis)
     possible = [called(one.effects, diagnosis) for one in first] + [f"one of {others} others"] * (others > 0)
     physics = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
-    perhaps = f"perhaps {listed(possible)}"
+    perhaps = f"perhaps {or_listed(possible)}"
     finding = f"something is missing from the model, and these recordings cannot decide what: {perhaps}"
     if any(not one.effects for one in diagnosis.explanations):
         finding = f"these recordings cannot decide whether something is missing from the model: {perhaps}"
@@ -172,13 +168,13 @@ def called(effects: Sequence[str], diagnosis: Diagnosis) -> str:
     names = [spaced(name) if name in answer else title_of(name, diagnosis) for name in effects]
     others = (answer, *(one.effects for one in diagnosis.explanations))
     alone = len(effects) == 1 and any(set(effects) < set(other) for other in others)
-    return (_and(names) or "no effect at all") + (" alone" if alone else "")
+    return (listed(names) or "no effect at all") + (" alone" if alone else "")
 
 
-def listed(texts: Sequence[str]) -> str:
+def or_listed(texts: Sequence[str]) -> str:
     """Join possibilities in words.
 
-    >>> listed(["A", "B", "C"]), listed(["A", "B"]), listed(["A"])
+    >>> or_listed(["A", "B", "C"]), or_listed(["A", "B"]), or_listed(["A"])
     ('A, B, or C', 'A, or B', 'A')
     """
     return ", or ".join([*filter(None, [", ".join(texts[:-1])]), *texts[-1:]])
@@ -540,12 +536,3 @@ def _fault(fault: Fault, many: bool) -> str:
     which = f"recording {fault.recording}" + (f" of experiment {fault.experiment}" if many else "")
     samples = f"{fault.samples} samples between {fault.from_s:.2f} and {fault.to_s:.2f} s"
     return f"in {which}, {fault.fault} in {samples if fault.samples > 1 else f'one sample, at {fault.from_s:.2f} s'}"
-
-
-def _first_up(text: str) -> str:
-    return text[0].upper() + text[1:]
-
-
-def spaced(name: str) -> str:
-    """Write a name as words."""
-    return name.replace("_", " ")

@@ -11,6 +11,7 @@ import numpy as np
 from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Term
+from deatwin.ident.narx.values import signals_of
 
 if TYPE_CHECKING:
     from deatwin.ident.narx.model import NarxModel
@@ -61,11 +62,6 @@ def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
     }
     known = all(value is not None for values in ranges.values() for value in values)
     dof, noise = document["theta_dof"], document["noise_variance"]
-    names = {
-        f"{side}_{key}s": tuple(str(signal[key]) for signal in signals)
-        for side, signals in sides.items()
-        for key in ("name", "unit")
-    }
     return {
         "terms": tuple(Term.parse(item["term"]) for item in document["terms"]),
         "theta": read_only([item["theta"] for item in document["terms"]]),
@@ -73,10 +69,8 @@ def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
         "theta_dof": math.inf if dof is None else float(dof),
         "noise_variance": read_only(noise) if isinstance(noise, list) else float(noise),
         "equations": tuple(int(item.get("output", 0)) for item in document["terms"]),
-        "sample_time": float(document["sample_time_s"]),
         "operating": OperatingRange(**{key: read_only(values) for key, values in ranges.items()}) if known else None,
-        "provenance": {str(key): str(value) for key, value in document["provenance"].items()},
-        **names,
+        **signals_of(document),
         **{
             f"{side}_origin": read_only([signal.get("origin", 0.0) for signal in signals])
             for side, signals in sides.items()

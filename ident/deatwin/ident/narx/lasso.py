@@ -7,7 +7,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,9 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,16 +15,13 @@ from deatwin.ident.arguments import probability, real_numbers, whole_number
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.posterior import ThetaPosterior, quantile, regressors
+from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.arguments import instance
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, one_unit, status_of, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 
@@ -115,7 +112,7 @@ class PredictiveBand(Described):
         axes.plot(self.timepts, self.measured[output], color="C0", linewidth=0.8, label="measured")
         unit = self.units[output]
         axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"output ({unit})" if unit else "output")
+        axes.set_ylabel(axis_label("output", unit))
         axes.legend()
         return axes
 

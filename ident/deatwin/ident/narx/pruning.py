@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
-from deatwin.plant.drawing import axes_or_new
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.drawing import Axes, axes_or_new
 
 Array = NDArray[np.float64]
 

@@ -6,20 +6,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import read_only
+from deatwin.ident.arguments import keep_read_only, read_only
 from deatwin.ident.narx.drive import Drive
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.datasets import Described, attribute, coordinate, one_unit, status_of, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -147,8 +143,7 @@ class Fit:
     nrmse: Array  # shape (n_outputs,): sqrt( sum (y - yhat)^2 / sum (y - mean y)^2 )
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            object.__setattr__(self, item.name, read_only(getattr(self, item.name)))
+        keep_read_only(self, *(item.name for item in fields(self)))
 
     @classmethod
     def of(cls, responses: Sequence[NarxResponse]) -> Fit:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +16,9 @@ from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.pruning import PruningStep, draw_bounds
 from deatwin.ident.narx.regression import Regression
+from deatwin.plant.drawing import Axes
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 

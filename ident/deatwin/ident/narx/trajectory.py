@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,9 @@ from deatwin.ident.narx.response import NarxResponse
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.datasets import Described, Metadata, coordinate, variable
 from deatwin.plant.documents import Saved
-from deatwin.plant.drawing import panels_or_new
+from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 SCHEMA = "deatwin/theta/1"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +28,9 @@ from deatwin.plant.datasets import (
     variable,
 )
 from deatwin.plant.documents import Saved
-from deatwin.plant.drawing import panels_or_new
+from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.records import plain, read
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deatwin.ident.narx.covariance import covariance_of
 from deatwin.plant.arrays import texts
 from deatwin.plant.errors import ModelError
 
@@ -35,6 +36,29 @@ def set_signals(model: Any) -> None:
     if not isinstance(told, Mapping) or not all(isinstance(text, str) for pair in told.items() for text in pair):
         raise ModelError(f"provenance must be a mapping of texts to texts; got {told!r}")
     object.__setattr__(model, "provenance", MappingProxyType(dict(told)))
+
+
+def signals_of(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the names and units of a model's signals, its sample time and its provenance, from its document."""
+    sides = {"input": document["inputs"], "output": document["outputs"]}
+    return {
+        **{
+            f"{side}_{key}s": tuple(str(signal[key]) for signal in signals)
+            for side, signals in sides.items()
+            for key in ("name", "unit")
+        },
+        "sample_time": float(document["sample_time_s"]),
+        "provenance": {str(key): str(value) for key, value in document["provenance"].items()},
+    }
+
+
+def set_covariance(model: Any, size: int) -> None:
+    """Check the covariance of a frozen model's parameters and make it read-only; an empty one becomes zero."""
+    cov = np.asarray(model.theta_cov, dtype=np.float64)
+    cov = cov if cov.size else np.zeros((size, size))
+    if cov.shape != (size, size) or not np.all(np.isfinite(cov)):
+        raise ModelError(f"theta_cov must be finite and of shape ({size}, {size}); got {cov.shape}")
+    object.__setattr__(model, "theta_cov", covariance_of(cov, [f"theta[{i}]" for i in range(size)]))
 
 
 def require_terms(model: NarxModel) -> None:

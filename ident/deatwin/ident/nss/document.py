@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deatwin.ident.narx.values import signals_of
+
 if TYPE_CHECKING:
     from deatwin.ident.nss.model import NonlinearStateSpace
 
@@ -48,11 +50,7 @@ def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of the model that `to_document` wrote."""
     sides = {"input": document["inputs"], "output": document["outputs"]}
     return {
-        **{
-            f"{side}_{key}s": tuple(str(signal[key]) for signal in signals)
-            for side, signals in sides.items()
-            for key in ("name", "unit")
-        },
+        **signals_of(document),
         **{
             f"{side}_{key}": np.array([signal[key] for signal in signals], dtype=np.float64)
             for side, signals in sides.items()
@@ -63,6 +61,4 @@ def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
         **{f"free_{name}": document[f"free_{name}"] for name in WEIGHTS},
         "theta_cov": document["theta_cov"],
         "noise_variance": document["noise_variance"],
-        "sample_time": float(document["sample_time_s"]),
-        "provenance": {str(key): str(value) for key, value in document["provenance"].items()},
     }

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.arguments import read_only, real_numbers, whole_number
-from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.posterior import quantile
 from deatwin.ident.narx.predictive import PredictiveBand
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
 from deatwin.ident.narx.shapes import own_functions, rebuilt
-from deatwin.ident.narx.values import set_signals
+from deatwin.ident.narx.values import set_covariance, set_signals
 from deatwin.ident.nss.basis import Basis
 from deatwin.ident.nss.document import SCHEMA, WEIGHTS, fields_of, to_document, weights_of
 from deatwin.ident.nss.march import System
@@ -142,12 +141,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         later = basis.levels >= np.arange(1, 1 + basis.directions)[:, None]
         if np.any(later & (self.free_directions | (self.directions != 0.0))):
             raise ModelError("a direction weighs a term that holds it or a later one; these weights are 0 and not free")
-        size = self.system.theta.size
-        cov = np.asarray(self.theta_cov, dtype=np.float64)
-        cov = cov if cov.size else np.zeros((size, size))
-        if cov.shape != (size, size) or not np.all(np.isfinite(cov)):
-            raise ModelError(f"theta_cov must be finite and of shape ({size}, {size}); got {cov.shape}")
-        object.__setattr__(self, "theta_cov", covariance_of(cov, [f"theta[{i}]" for i in range(size)]))
+        set_covariance(self, self.system.theta.size)
 
     def _take_signals(self, counts: Mapping[str, int]) -> None:
         """Complete and check the descriptions of inputs and outputs."""

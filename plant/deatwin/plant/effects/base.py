@@ -15,7 +15,9 @@ from deatwin.plant.errors import RigError
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
+    from deatwin.plant.builder import Builder as Builder
+else:  # the builder imports this module
+    Builder = Any
 
 
 class Family(Enum):

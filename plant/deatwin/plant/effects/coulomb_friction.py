@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place
 from deatwin.plant.effects.smooth import soft_clip
 from deatwin.plant.parameters import Parameter, Scale
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,17 +7,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.effects.base import Alone, Effect, Family, Place, Site
+from deatwin.plant.effects.base import Alone, Builder, Effect, Family, Place, Site
 from deatwin.plant.parameters import Parameter
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-
 
 USUAL, LONGEST = 0.1, 1.6
 """Upper ends of the range of the dead time, s: the usual one, and the largest to which a fit may extend it. A command

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place
 from deatwin.plant.effects.primitives import Power, Primitive, primitive_from
 from deatwin.plant.errors import RigError
 from deatwin.plant.parameters import Parameter
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place
 from deatwin.plant.laws.dielectric import conduction_density
 from deatwin.plant.parameters import Parameter
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-
 
 SERIES_RESISTANCE = 1e9
 """Series resistance over which the voltage drops if no reading states one, ohm: the default of `Leakage`."""

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.effects.base import Effect, Family, Place, Site
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, Site
 from deatwin.plant.effects.lines import tones
 from deatwin.plant.parameters import Parameter
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-
 
 PHASES = 2 * np.pi / 4 * np.arange(-1, 3)
 """Phases tried for a tone that passes through the plant, which shifts it. One of the four is within an eighth of a turn

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.film import AnyFilm, FilmPoint
 from deatwin.plant.laws.permittivity import stretched
 from deatwin.plant.parameters import Parameter
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-    from deatwin.plant.film import AnyFilm, FilmPoint
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import casadi as ca
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.film import AnyFilm
 from deatwin.plant.parameters import Parameter, Scale
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-    from deatwin.plant.film import AnyFilm
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place
 from deatwin.plant.parameters import Parameter, Scale
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-
 
 STARTS = 5
 """Number of time constants from which a fit may start. They are a factor of 4 to 10 apart, and a fit reaches the true

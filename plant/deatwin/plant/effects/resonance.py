@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place
 from deatwin.plant.effects.lines import spectral_peaks
 from deatwin.plant.parameters import Parameter, Scale
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 
-from deatwin.plant.effects.base import Alone, Effect, Family, Place, Site
+from deatwin.plant.effects.base import Alone, Builder, Effect, Family, Place, Site
 from deatwin.plant.parameters import Parameter, Scale
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
 
 
 def _drifting(what: str, place: Place, signal: str, family: Family, strength: Parameter, order: int = 0) -> Site:

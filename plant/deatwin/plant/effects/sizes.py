@@ -8,18 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from numbers import Real
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.effects.base import Builder, Effect, Place
 from deatwin.plant.effects.places import Elsewhere, placed
 from deatwin.plant.errors import RigError
 from deatwin.plant.parameters import Parameter
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-
 
 MOTION, FORCE, PERIOD, COMMAND, VOLTAGE = 0.3e-3, 9e-3, 0.06, 1.5, 1.2e3
 """Sizes of the diaphragm, SI: typical displacement, force that causes it, period of the ringing, command, voltage."""

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place
 from deatwin.plant.effects.lines import slow_cycles
+from deatwin.plant.film import AnyFilm
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.readings import ROOM_TEMPERATURE
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-    from deatwin.plant.film import AnyFilm
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ import re
 
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import RigError
+from deatwin.plant.words import spaced
 
 
 def effects_in_words(names: str) -> str:
@@ -14,7 +15,7 @@ def effects_in_words(names: str) -> str:
     >>> effects_in_words("creep + sensor_drift_at_command_gain"), effects_in_words("own_effect_at_reading")
     ("creep + drift of the amplifier's gain", 'own effect acting on the reading')
     """
-    return re.sub(r"\w+_at_\w+", lambda found: _title(found[0]), names).replace("_", " ")
+    return spaced(re.sub(r"\w+_at_\w+", lambda found: _title(found[0]), names))
 
 
 def _title(name: str) -> str:

@@ -8,7 +8,8 @@ from functools import partial
 from itertools import compress
 
 from deatwin.plant.errors import DataError, nearest
-from deatwin.plant.files.csvtext import header_line, is_number
+from deatwin.plant.files.csvcells import is_number
+from deatwin.plant.files.csvtext import header_line
 from deatwin.plant.files.dates import is_date
 from deatwin.plant.files.formats.table import Table, is_place
 from deatwin.plant.files.headers import split_unit

@@ -6,41 +6,35 @@ import hashlib
 import io
 import re
 import zlib
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from decimal import Context, Decimal
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.files.csvcells import BLANKS, NO_VALUE, formula, is_comment, is_number, split_cells
+from deatwin.plant.files.csvheader import names_and_units
+from deatwin.plant.files.csvnumbers import si_values
 from deatwin.plant.files.csvtext import (
-    BLANKS,
-    NO_VALUE,
     decode,
     find_layout,
-    formula,
     grouped,
-    is_comment,
-    is_number,
-    names_and_units,
     require_no_settings,
     require_whole_numbers,
-    split_cells,
     without_index_line,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import for_name, split_unit
-from deatwin.plant.files.units import Unit, find_unit
+from deatwin.plant.files.units import find_unit
 from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
 
 DESCRIPTION = f"# {SCHEMA} "  # Start of a line above the header that holds a description
 _GZIP = b"\x1f\x8b"  # First bytes of a gzip file
-EXACT = Context(prec=800)  # Decimal context with enough digits for the exact sum of any two floats
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-precision number in Fortran
 _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
@@ -157,7 +151,7 @@ class CsvTable(Table):
                 elif not first and _may_be_thousands(part[:_FEW]):
                     return None
                 try:
-                    found[k, first : first + len(piece)] = _si(part, units[k])
+                    found[k, first : first + len(piece)] = si_values(part, units[k])
                 except (ValueError, ArithmeticError):
                     return None
             seen.update("." if not commas and "." in text else "")
@@ -182,7 +176,7 @@ class CsvTable(Table):
         """Return a column (n,) in SI units, dates in seconds since the first; None unless all are finite numbers."""
         scale = self.scales.get(column)
         try:
-            found = np.asarray(scale.seconds(cells) if scale else _si(cells, self.unit(column)), dtype=np.float64)
+            found = np.asarray(scale.seconds(cells) if scale else si_values(cells, self.unit(column)), dtype=np.float64)
         except (ValueError, TypeError, ArithmeticError):  # ArithmeticError: outside the range of Decimal
             return None
         return found if self._fits(column, found) else None
@@ -448,63 +442,3 @@ def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:
         raise DataError(f"{path}: no such file{nearest(Path(path).name, beside, likeness=0.8)}") from None
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from None
-
-
-def power_of_ten(unit: Unit) -> int | None:
-    """Return the exponent by which a unit's values differ from SI values, or None for another relation.
-
-    >>> from deatwin.plant.files.units import UNITS
-    >>> power_of_ten(UNITS["mm"]), power_of_ten(UNITS["kV"]), power_of_ten(UNITS["min"]), power_of_ten(UNITS["°C"])
-    (-3, 3, None, None)
-    """
-    exponent = round(np.log10(unit.numerator / unit.denominator))
-    exact = unit.numerator == unit.denominator * 10.0**exponent or unit.denominator == unit.numerator / 10.0**exponent
-    return exponent if exact and not unit.shift else None
-
-
-def _si(cells: list[str], unit: Unit) -> NDArray[np.float64]:
-    """Return the numbers of a column in SI units."""
-    text = "\n".join(cells)
-    if "_" in text:
-        raise ValueError("Python's own mark between thousands")
-    exponent = power_of_ten(unit)
-    if exponent and not any(sign in text for sign in "eE \t"):
-        power = f"e{exponent}"
-        return np.array(list(map(float, f"{text}{power}".replace("\n", f"{power}\n").split("\n"))))
-    return np.array(list(map(reader(unit), cells)))
-
-
-def reader(unit: Unit) -> Callable[[str], float]:
-    """Return a function that converts a cell in a unit to its SI value, rounded once."""
-    exponent = power_of_ten(unit)
-    if exponent is None:
-        return _converted(unit)
-    return _moved(exponent) if exponent else float
-
-
-def _converted(unit: Unit) -> Callable[[str], float]:
-    """Return a function that converts a cell of any unit to SI, by exact decimal arithmetic with one rounding."""
-    shift, numerator, denominator = decimal_relation(unit)
-
-    def read(cell: str) -> float:
-        float(cell)  # raises ValueError before Decimal raises its own error
-        shifted = EXACT.add(Decimal(cell.strip()), shift)
-        return float(EXACT.divide(EXACT.multiply(shifted, numerator), denominator))
-
-    return read
-
-
-def decimal_relation(unit: Unit) -> tuple[Decimal, Decimal, Decimal]:
-    """Return shift, numerator and denominator of a unit as decimal numbers."""
-    return Decimal(repr(unit.shift)), Decimal(repr(unit.numerator)), Decimal(repr(unit.denominator))
-
-
-def _moved(exponent: int) -> Callable[[str], float]:
-    """Return a function that reads a cell with its decimal point shifted."""
-
-    def read(cell: str) -> float:
-        float(cell)  # otherwise "1e" would pass
-        mantissa, _, power = cell.strip().lower().partition("e")
-        return float(f"{mantissa}e{int(power or 0) + exponent}")
-
-    return read

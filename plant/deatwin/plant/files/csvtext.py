@@ -3,21 +3,30 @@
 Nothing is guessed: only one delimiter may give the header as many cells as the samples.
 """
 
-import csv
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.dates import is_clock, is_date
-from deatwin.plant.files.headers import for_name, split_unit
+from deatwin.plant.files.csvcells import (
+    BLANKS,
+    COMMENT,
+    NO_VALUE,
+    formula,
+    holds_number,
+    is_comment,
+    is_number,
+    is_value,
+    kind_of_cell,
+    split_cells,
+)
+from deatwin.plant.files.csvheader import are_units
 from deatwin.plant.files.units import find_unit
-from deatwin.plant.files.usual import COLUMNS, LIKE_TIMES
+from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import clipped
 
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
-BLANKS = " "  # Delimiter that stands for any run of blanks and tabs
 _HEAD = 1000  # Largest number of lines before the samples
 _SHOWN = 10  # Largest number of columns in an example header
 _HEADERS = 4  # Largest number of lines with names, units and remarks
@@ -30,32 +39,6 @@ _SETTINGS = re.compile(
 _SCALES = re.compile("(?i)scal|offset|gain|factor|zero|sensitiv|slope|calib|skal|faktor|null|empfind")
 _NAMES_LABEL = re.compile(r"(?i)(trace|channel|signal)[ _]?(name|title)s?\b")  # Word before the names
 _TIMES = ("s", "ms", "us", "ns", "min", "h")
-_UNITS_LABEL = re.compile(
-    r"(?i)(units?|einheit(en)?|unités?)\s*:?|#+|//+"
-)  # Word or mark before the units in their line
-NO_VALUE = frozenset(
-    {
-        "",
-        "nan",
-        "na",
-        "n/a",
-        "n.a.",
-        "null",
-        "none",
-        "-",
-        "--",
-        "---",
-        "-nan",
-        "nan(ind)",
-        "-nan(ind)",
-        "1.#qnan",
-        "-1.#ind",
-    }
-    | {"#n/a", "#div/0!", "#num!", "#value!", "#ref!", "#name?", "#null!"}
-)
-"""Marks of a missing value, in lower case: words and dashes, C's numbers that are none, and errors of Excel."""
-_FACTOR = re.compile(r"[xX×*]\s?(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)")
-_COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
 _GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|(?<![\d:])[\d:]*\d:\d\d,\d{3}(?!\d)")
 _THOUSANDS = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+(?![\d:])(?:\.\d+)?")
 _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # Blanks that are neither before nor inside brackets
@@ -138,14 +121,14 @@ def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str]
         delimiter, count = found[2][0], len(found[2])
         cells = [split_cells(other, delimiter) for other in lines[: k + 2]]
         above = next(
-            (j for j in range(k, 0, -1) if lines[j - 1].count(delimiter) != count or _holds_number(cells[j - 1])), 0
+            (j for j in range(k, 0, -1) if lines[j - 1].count(delimiter) != count or holds_number(cells[j - 1])), 0
         )
-        if k - above < 2 or _kind(cells[k + 1][0]) not in ("number", "date"):
+        if k - above < 2 or kind_of_cell(cells[k + 1][0]) not in ("number", "date"):
             continue
         head, name = lines[above:k], found[1].strip()
         if name and not any(find_unit(row[0]) or LIKE_TIMES.search(row[0]) for row in cells[above:k]):
             head = [
-                other if _are_units(row[1:]) else name + delimiter + other.partition(delimiter)[2]
+                other if are_units(row[1:]) else name + delimiter + other.partition(delimiter)[2]
                 for other, row in zip(head, cells[above:k], strict=True)
             ]
         return [*lines[:above], *head, *lines[k + 1 :]], [*rows[:k], *rows[k + 1 :]]
@@ -171,7 +154,7 @@ def require_no_settings(lines: list[str], rows: Sequence[int], delimiter: str, p
             continue
         labels = [row[0] for row, word in zip(cells, words, strict=True) if word]
         setting = part[0] == 0 and (1 < len(labels) == len(set(labels)) or _SETTINGS.match(labels[0]))
-        if _kind(cells[-1][0]) in ("number", "date") or setting:
+        if kind_of_cell(cells[-1][0]) in ("number", "date") or setting:
             raise DataError(
                 f'{path}, row {rows[part[0]]}: "{clipped(cells[0][0])}" begins a line {place} that is no sample; {advice} '
                 "such lines"
@@ -184,38 +167,6 @@ def header_line(width: int, delimiter: str, times: int | None = 0) -> str:
     names = ["time_s" if k == times else usual.pop(0) if usual else f"column_{k + 1}" for k in range(width)]
     names[_SHOWN:] = ["..."] if width > _SHOWN else []
     return f"{' '.join(names)}, parted by tabs" if delimiter == "\t" else delimiter.join(names)
-
-
-def is_comment(line: str) -> bool:
-    """Return whether a line begins with ``#``, ``%`` or ``//``."""
-    return _COMMENT.match(line) is not None
-
-
-def split_cells(line: str, delimiter: str) -> list[str]:
-    """Return the cells of a line without quotes and blanks around them, and without empty ones at its end."""
-    quoted = '"' in line
-    if delimiter == BLANKS:
-        if not quoted:
-            return line.split()
-        line = line.strip().replace("\t", BLANKS)
-    try:
-        parts = (
-            next(csv.reader([line], delimiter=delimiter, skipinitialspace=True)) if quoted else line.split(delimiter)
-        )
-    except csv.Error:  # a cell is too long for the reader, so it is neither number nor name
-        parts = line.split(delimiter)
-    cells = list(map(str.strip, parts))
-    while len(cells) > 1 and not cells[-1]:
-        cells.pop()
-    return cells
-
-
-def formula(cell: str) -> str:
-    """Return the fault of a cell that contains a formula."""
-    return (
-        f'"{clipped(cell)}" is a formula whose value the file does not hold; open it in a spreadsheet program, and save '
-        "it there"
-    )
 
 
 def grouped(line: str, delimiter: str) -> str:
@@ -239,119 +190,6 @@ def require_whole_numbers(lines: list[str], rows: Sequence[int], widths: list[in
             f"{path}, row {rows[k]}: the row has {widths[k]} cells, but the header has {count}; is {number} one number? Then "
             "write it without the comma, else remove the commas at the end of the row"
         )
-
-
-def is_number(cell: str) -> bool:
-    """Return whether a cell is a number, with decimal point."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return "_" not in cell  # which Python accepts between digits
-
-
-def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
-    """Return headers and units from the header lines, and the line of units."""
-    for cells in head[1:]:
-        factors = [_FACTOR.fullmatch(cell) for cell in cells]
-        wrong = next((found for found in factors if found and float(found[1]) != 1.0), None)
-        if wrong and all(found for found, cell in zip(factors, cells, strict=True) if cell):
-            raise DataError(
-                f'{path}: the line of factors in the header has "{clipped(wrong[0])}", which is not applied; multiply the '
-                "samples, or write the factor as a prefix of the unit, and remove the line"
-            )
-    # A line with the channels' rates, ranges or the like may follow the names and units.
-    head = head[:-1] if len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_quantities(head[-1]) else head
-    head = _without_remarks(head)
-    if len(head) > 1 and _stand_above(head[-2], head[-1]):
-        head = [*head[:-2], head[-1], head[-2]]
-    only_units = (
-        len(head) > 1
-        and len(head[-2]) >= len(head[-1])
-        and (_are_units(head[-1]) or _are_mostly_units(head[-1], head[-2]))
-    )
-    headers = _header(head[:-1] if only_units else head)
-    names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
-    said = ["" for _ in headers]
-    if only_units:
-        for k, cell in enumerate("" if _UNITS_LABEL.fullmatch(cell) else cell for cell in head[-1]):
-            said[k] = "" if LIKE_TIMES.search(cell) else cell
-            if units[k] and cell and units[k] not in (find_unit(cell), for_name(names[k], find_unit(cell))):
-                raise DataError(
-                    f'{path}, column "{clipped(headers[k])}": the name gives the unit {units[k]}, but the line of units '
-                    f"gives {clipped(cell.strip('()[] '))}; correct one of them"
-                )
-            units[k] = units[k] or for_name(names[k], find_unit(cell))
-    elif len(headers) > 1 and all(map(find_unit, headers)):  # the file has units instead of names
-        units = [find_unit(header) for header in headers]
-    return headers, units, said
-
-
-def _without_remarks(head: list[list[str]]) -> list[list[str]]:
-    """Return the header lines without those that follow names and units, such as a line with the channels' devices."""
-    last = head[-1]
-    if any(split_unit(cell)[1] or LIKE_TIMES.search(cell) for cell in last):
-        return head
-    for k in range(len(head) - 2, 0, -1):
-        names = head[k - 1]
-        numbered = all(cell[-1:].isdigit() for cell in names)  # channels, whose names come below
-        distinct = len(names) == len(set(names)) == len(head[k]) >= len(last)
-        if _are_units(head[k]) and all(head[k]) and distinct and not numbered:
-            return head[: k + 1]
-    return head
-
-
-def _header(head: list[list[str]]) -> list[str]:
-    """Return the last header line, or the one above if only that names all columns, or only that gives units."""
-    last, above = head[-1], head[-2] if len(head) > 1 else []
-    named = len(above) == len(last) == len(set(above)) and all(above) and not any(map(_is_value, above))
-    known = any(split_unit(cell)[1] or cell in COLUMNS for cell in last)  # if so, the line above is a title
-    better = not all(last) or all(split_unit(cell)[1] for cell in above)
-    return above if named and better and not known else last
-
-
-def _are_units(cells: list[str]) -> bool:
-    """Return whether a line contains units: at least one known, others in brackets, after a slash, or a dash."""
-    filled = [cell for cell in cells if cell and not _UNITS_LABEL.fullmatch(cell)]
-    known = [cell for cell in filled if find_unit(cell)]
-    return bool(known) and all(
-        cell in known
-        or cell in ("-", "%", "1")
-        or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*|(10\^?|1[eE])[-+]?\d+ ?\D+", cell)
-        for cell in filled
-    )
-
-
-def _are_mostly_units(cells: list[str], names: list[str]) -> bool:
-    """Return whether a line below names contains units, and further words such as ``No.`` or ``status``.
-
-    Letters such as s, F and V may be names, too, but those differ from each other.
-    """
-    known = [k for k, cell in enumerate(cells) if find_unit(cell)]
-    units, others = [cells[k] for k in known], [cell for cell in cells if not find_unit(cell)]
-    certain = (
-        max(map(len, units), default=0) > 1 or len(set(units)) < len(units) or not re.search(r"\w", "".join(others))
-    )
-    return (
-        len(known) > 1
-        and certain
-        and len(set(filter(None, names))) == sum(map(bool, names))
-        and all(names[k] == cells[k] or (names[k] and not find_unit(names[k])) for k in known)
-        and not any(split_unit(cell)[1] or cell in COLUMNS for cell in others)
-    )
-
-
-def _stand_above(units: list[str], names: list[str]) -> bool:
-    """Return whether units stand above the names instead of below them."""
-    several = sum(map(bool, map(find_unit, units))) > 1 and len(units) <= len(names)
-    named = all(name for name, unit in zip(names, units, strict=False) if unit)  # the number of a row may have no name
-    return several and _are_units(units) and named and not any(map(find_unit, names))
-
-
-def _are_quantities(cells: list[str]) -> bool:
-    """Return whether a line contains numbers with units, such as ``200 Hz``."""
-    parts = [re.fullmatch(r"([-+±\d.,eE]*\d)\s*([^\d\s].*)", cell) for cell in cells if cell]
-    return bool(parts) and all(part and _is_value(part[1].lstrip("±")) and find_unit(part[2]) for part in parts)
 
 
 def _width(lines: list[str], delimiter: str) -> int:
@@ -381,14 +219,14 @@ def _starts(lines: list[str], cells: list[list[str]], delimiter: str, width: int
     """Yield the index of each line that may be the first one of samples, from the cells of the first lines."""
     numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if width > 1:  # a line with numbers only beyond the columns of the samples belongs to the header
-        within = [*(_holds_number(row[:width]) for row in cells), False]
+        within = [*(holds_number(row[:width]) for row in cells), False]
         numeric = [one and (within[k] or not within[k + 1]) for k, one in enumerate(numeric)]
     for k in range(1, len(cells)):
         follow = cells[k : k + _LIKE_SAMPLES]
         if numeric[k - 1] or not all(numeric[k : k + _LIKE_SAMPLES]):
             continue
         header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
-        if _are_units(header) and delimiter != BLANKS and '"' not in lines[k - 1]:  # its last cells may be empty
+        if are_units(header) and delimiter != BLANKS and '"' not in lines[k - 1]:  # its last cells may be empty
             named = len(cells[k - 2]) if k > 1 else 0
             header += [""] * (max(lines[k - 1].count(delimiter) + 1, named) - len(header))
         # No cell can be empty if blanks delimit, so all lines have as many.
@@ -399,7 +237,7 @@ def _starts(lines: list[str], cells: list[list[str]], delimiter: str, width: int
 
 def _is_labelled(cells: list[str]) -> bool:
     """Return whether a line begins with a word, as settings and statistics do."""
-    return cells[0][:1].isalpha() and cells[0].lower() not in NO_VALUE and _kind(cells[0]) in ("text", "mixture")
+    return cells[0][:1].isalpha() and cells[0].lower() not in NO_VALUE and kind_of_cell(cells[0]) in ("text", "mixture")
 
 
 def _named(lines: list[str], delimiter: str, first: int) -> Layout:
@@ -426,7 +264,7 @@ def _of_block(lines: list[str], delimiter: str, first: int) -> Layout | None:
         return None
     whole, width = cells[names], len(cells[start])
     head = [whole[1:] if len(whole) == width + 1 else ["", *whole[1:]]]
-    if len(head[0]) != width or any(map(_is_value, whole[1:])):
+    if len(head[0]) != width or any(map(is_value, whole[1:])):
         return None
     for row in cells[names:start]:
         units = [find_unit(cell) for cell in row[1:]]
@@ -444,22 +282,22 @@ def _alters(cells: list[str]) -> bool:
 
 def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
     """Return the cells of a line that may be a header, if possible as many as in the samples."""
-    bare = _COMMENT.sub("", line, count=1)
+    bare = COMMENT.sub("", line, count=1)
     ways = [split_cells(bare, delimiter)] if is_comment(line) else []
     ways = [cells for cells in ways if any(cells[:1])]  # otherwise the mark is a name, such as # for the number
     ways.append(split_cells(line, delimiter))
     if delimiter == BLANKS:
         ways += [apart.split(bare.strip()) for apart in (_BEFORE_UNIT, _FAR_APART)]
     if delimiter != BLANKS and width > 1:  # numbers beyond the columns of the samples are settings
-        ways = [cells[:width] if _holds_number(cells) else cells for cells in ways]
-    ways = [cells for cells in ways if not _holds_number(cells)] or [[]]
+        ways = [cells[:width] if holds_number(cells) else cells for cells in ways]
+    ways = [cells for cells in ways if not holds_number(cells)] or [[]]
     return next((cells for cells in ways if len(cells) == width), ways[0])
 
 
 def _blanks_too(lines: list[str], delimiter: str, first: int) -> bool:
     """Return whether blanks also separate the columns of a table with tabs."""
     cells = split_cells(lines[first], delimiter)
-    return delimiter == "\t" and any(len(parts := cell.split()) > 1 and all(map(_is_value, parts)) for cell in cells)
+    return delimiter == "\t" and any(len(parts := cell.split()) > 1 and all(map(is_value, parts)) for cell in cells)
 
 
 def _nameless(lines: list[str]) -> Layout | None:
@@ -468,7 +306,7 @@ def _nameless(lines: list[str]) -> Layout | None:
     found = []
     for delimiter in (*_DELIMITERS, BLANKS):
         rows = [split_cells(line, delimiter) for line in lines[first : first + 1 + _LIKE_SAMPLES]]
-        kinds = [{_kind(cell) for cell in column} - {""} for column in zip(*rows, strict=False)]
+        kinds = [{kind_of_cell(cell) for cell in column} - {""} for column in zip(*rows, strict=False)]
         alike = len({len(row) for row in rows}) == 1 and all(len(kind) < 2 and kind <= _KINDS for kind in kinds)
         cut = delimiter == "," and _is_cut(lines[first : first + _HEAD], rows)
         if alike and {"number"} in kinds and not cut:
@@ -487,28 +325,9 @@ def _is_cut(lines: list[str], rows: list[list[str]]) -> bool:
 _KINDS = frozenset({"number", "date", "text"})
 
 
-def _kind(cell: str) -> str:
-    """Return the kind of a cell: empty, number, date, text, or a mixture."""
-    if not cell or _is_value(cell):
-        return "number" if cell else ""
-    if is_date(cell) or is_clock(cell):
-        return "date"
-    return "text" if re.search(r"[^\W\d_]", cell) and not any(map(_is_value, cell.split())) else "mixture"
-
-
-def _is_value(cell: str) -> bool:
-    """Return whether a cell is a number, with decimal point or comma."""
-    return is_number(cell) or is_number(cell.replace(",", "."))
-
-
 def _is_sample(line: str, cells: list[str]) -> bool:
     """Return whether a line is a sample; comments are not."""
-    return _holds_number(cells) and not is_comment(line)
-
-
-def _holds_number(cells: list[str]) -> bool:
-    """Return whether a line contains a number, also with a decimal comma; header lines contain none."""
-    return any(map(_is_value, cells))
+    return holds_number(cells) and not is_comment(line)
 
 
 def _no_layout(lines: list[str], rows: Sequence[int], delimiter: str, path: str) -> DataError:
@@ -523,7 +342,7 @@ def _no_layout(lines: list[str], rows: Sequence[int], delimiter: str, path: str)
             if place:
                 return DataError(f"{path}, row {rows[place[0]]}: {formula(place[1])}")
             row = next((k for k in range(1, len(cells)) if len(cells[k]) == max(map(len, cells))), 0)
-            first = next((cell for cell in cells[row] if _kind(cell) not in ("", "date")), "")
+            first = next((cell for cell in cells[row] if kind_of_cell(cell) not in ("", "date")), "")
             found = f', and in row {rows[row]} "{clipped(first, 40)}" is not a number' if row and first else ""
             return DataError(
                 f"{path}: the file has a header but no samples: no row holds numbers{found}"

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
-from deatwin.plant.files.csvtable import DESCRIPTION, EXACT, decimal_relation, power_of_ten, reader
-from deatwin.plant.files.csvtext import is_number
+from deatwin.plant.files.csvcells import is_number
+from deatwin.plant.files.csvnumbers import EXACT, decimal_relation, power_of_ten, reader
+from deatwin.plant.files.csvtable import DESCRIPTION
 from deatwin.plant.files.formats.description import describe, header_with_unit, rows_of, signals_of
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS, Unit

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place
 from deatwin.plant.laws.permittivity import relaxing
 from deatwin.plant.parameters import Parameter, Scale
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
+from deatwin.plant.words import spaced
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +56,7 @@ class ParameterDrift(Effect):
     @property
     def wording(self) -> str:  # type: ignore[override]
         """Sentence about the effect, with the names of its parameters in braces."""
-        words = self.parameter.replace("_", " ").replace("{", "{{").replace("}", "}}")
+        words = spaced(self.parameter).replace("{", "{{").replace("}", "}}")
         return f"The parameter {words} drifts towards a final change of {{relative_change}} with a time constant of {{time}}"
 
     @property

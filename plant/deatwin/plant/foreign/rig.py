@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from math import isfinite
 from numbers import Real
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from deatwin.plant.arrays import texts
 from deatwin.plant.builder import Builder
@@ -21,9 +21,7 @@ from deatwin.plant.foreign.fmu import FmuModel
 from deatwin.plant.foreign.runner import AFTER, APPLIED, BEFORE, VARYING, ForeignRunner
 from deatwin.plant.parameters import Parameter, ParameterSet, Scale
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
-
-if TYPE_CHECKING:
-    from deatwin.plant.simulate import Runner, Simulator
+from deatwin.plant.simulate import Runner, Simulator
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -187,15 +187,11 @@ def _kernel(equations: Equations) -> ctypes.CDLL:
 
 def _functions(equations: Equations) -> tuple[ca.Function, ca.Function, ca.Function]:
     """Return F; F with its derivatives by unknowns (sparse) and time; and the reading."""
-    n_x = len(equations.states)
-    w, d = ca.SX.sym("w", equations.scale.size), ca.SX.sym("d", len(equations.held))
-    u, t = ca.SX.sym("u", equations.held_inputs(0.0).size), ca.SX.sym("t")
-    p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
-    at = [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
+    arguments, at = equations.symbols()
+    n_x, w, t = len(equations.states), arguments[0], arguments[3]
     f = ca.cse(equations.dynamics(*at))
     f = ca.vertcat(f[:n_x], f[_partners(equations).tolist()]) if n_x < w.numel() else f
     parts = [ca.densify(f), ca.jacobian(f, w), ca.densify(ca.jacobian(f, t))]
-    arguments = [w, d, u, t, p, c]
     return (
         ca.Function("rosenbrock_value", arguments, [ca.densify(f)]),
         ca.Function("rosenbrock_slopes", arguments, ca.cse(parts)),

@@ -47,14 +47,10 @@ class Stages:
     @classmethod
     def of(cls, equations: Equations, nodes: np.ndarray, matrix: np.ndarray) -> Stages:
         """Differentiate the equations. Shapes: `nodes` (s,); `matrix` (s, s)."""
-        every, n_d = ca.SX.sym("w", equations.scale.size), len(equations.held)
-        n_all, moving = len(equations.states), equations.moving.tolist()
-        n_x, w = n_all - len(equations.shifts), every[moving]
-        n_u = equations.held_inputs(0.0).size
-        d, u, t = ca.SX.sym("d", n_d), ca.SX.sym("u", n_u), ca.SX.sym("t")
-        p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
-        arguments = [w, d, u, t, p, c]
-        split = [every[:n_all, :], every[n_all:, :], d, u, t, p, c]
+        (every, *others), split = equations.symbols()
+        (d, u, _, p, c), moving = others, equations.moving.tolist()
+        n_x, w = len(equations.states) - len(equations.shifts), every[moving]
+        arguments = [w, *others]
         # Common subexpressions of different forces are found before differentiation.
         f = ca.cse(equations.dynamics(*split))[moving]
         y = equations.outputs(*split)
@@ -63,8 +59,8 @@ class Stages:
         return cls(
             n_x=n_x,
             n_z=w.numel() - n_x,
-            n_d=n_d,
-            n_u=n_u,
+            n_d=d.numel(),
+            n_u=u.numel(),
             n_p=p.numel(),
             n_c=c.numel(),
             scale=equations.scale[moving],

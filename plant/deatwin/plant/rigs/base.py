@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.chain import MeasuringChain
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.errors import DeatwinError, RigError
@@ -25,7 +26,6 @@ from deatwin.plant.substance import Material
 from deatwin.plant.supply import Supply, supply_from
 
 if TYPE_CHECKING:
-    from deatwin.plant.effects.base import Effect
     from deatwin.plant.model import Plant
     from deatwin.plant.simulate import Runner, Simulator
 

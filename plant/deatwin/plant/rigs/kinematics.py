@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.film import AnyFilm, FilmPoint, film_points, point_capacitances
 from deatwin.plant.material import Material
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-    from deatwin.plant.supply import Supply
-
+from deatwin.plant.supply import Supply
 
 Symbol = Any
 SomeFilm = TypeVar("SomeFilm", bound=AnyFilm)

@@ -13,18 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.smooth import smooth_step
 from deatwin.plant.film import FilmPoint, PointwiseFilm
 from deatwin.plant.rigs.kinematics import BallInFilm, Kinematics, electrode_share
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-
 
 Symbol = Any
 

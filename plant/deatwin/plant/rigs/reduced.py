@@ -28,17 +28,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.film import Film, FilmPoint
 from deatwin.plant.rigs.kinematics import BallInFilm, Kinematics, electrode_share
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
-
 
 Symbol = Any
 

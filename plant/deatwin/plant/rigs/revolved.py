@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.film import FilmPoint
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
-
-if TYPE_CHECKING:
-    from deatwin.plant.builder import Builder
 
 Symbol = Any
 

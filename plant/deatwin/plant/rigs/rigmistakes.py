@@ -16,6 +16,7 @@ from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.rigs.rigreadings import READING_KEYS, unit_fault
 from deatwin.plant.safe_read import clipped
 from deatwin.plant.supply import Supply
+from deatwin.plant.words import first_of
 
 Place = tuple[str, ...]  # A section, or a section and one of its keys; empty for the whole file
 
@@ -92,7 +93,7 @@ def _kind(name: object) -> tuple[str, list[Mistake]]:
         return name, []
     hint = nearest(name[:100], KINDS) if isinstance(name, str) else ""
     said = f'"{clipped(name)}"' if isinstance(name, str) else kind_of(name)
-    text = f"{said} is not a kind of rig{hint} (known: {_listed(KINDS)})"
+    text = f"{said} is not a kind of rig{hint} (known: {', '.join(KINDS)})"
     return next(iter(_offered(hint, KINDS)), "diaphragm"), [Mistake(text=f"kind: {text}", line_of=("kind",))]
 
 
@@ -134,10 +135,9 @@ def format_errors(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place
     placed.sort(key=lambda pair: (pair[0] is None, pair[0]))
     parts = [
         f"({number}) {_prefix(line, mistake.where)}{mistake.text}"
-        for number, (line, mistake) in enumerate(placed[:MOST], start=1)
+        for number, (line, mistake) in enumerate(placed, start=1)
     ]
-    rest = f" and {len(placed) - MOST} more" if len(placed) > MOST else ""
-    return f"{source}: {len(placed)} mistakes: {' '.join(parts)}{rest}"
+    return f"{source}: {len(placed)} mistakes: {first_of(parts, MOST, ' ')}"
 
 
 def _line(mistake: Mistake, lines: Mapping[Place, int]) -> int | None:
@@ -175,7 +175,7 @@ def _outside(name: str, data: Mapping[str, Any], table: Mapping[str, Keys]) -> I
     known = (*table, "material", READINGS)
     hint = nearest(name[:100], known)
     yield Mistake(
-        text=f"unknown section [{clipped(name)}]{hint or f'; known are {_listed(known)}'}",
+        text=f"unknown section [{clipped(name)}]" + (hint or f"; known are {', '.join(known)}"),
         line_of=(name,),
         meant=_offered(hint, known),
     )
@@ -223,7 +223,7 @@ def _of_readings(sections: object) -> Iterator[Mistake]:
     for name, values in sections.items():
         called = f"{READINGS}.{name}"
         if name not in ELECTRICAL_UNITS:
-            hint = nearest(name[:100], ELECTRICAL_UNITS) or f"; known are {_listed(ELECTRICAL_UNITS)}"
+            hint = nearest(name[:100], ELECTRICAL_UNITS) or f"; known are {', '.join(ELECTRICAL_UNITS)}"
             yield Mistake(text=f'unknown reading "{clipped(name)}"{hint}', line_of=(READINGS, name))
             continue
         unit = values.get("unit") if isinstance(values, Mapping) else None
@@ -239,7 +239,7 @@ def _inside(
     """Find mistakes of a section, which may have another name in the file."""
     keys = table[section]
     if values is None:
-        required = _listed(name for name, key in keys.items() if key.required)
+        required = ", ".join(name for name, key in keys.items() if key.required)
         if not required:
             return
         yield Mistake(text=f"the section [{section}] is missing; it must hold {required}", missing=(section,))
@@ -287,7 +287,7 @@ def _unknown(name: str, value: object, section: str, called: str, table: Mapping
     hint = nearest(name[:100], keys)
     offered = _offered(hint, keys)
     unit = _in_its_unit(name, value, offered[0]) if offered else ""
-    right = f"; it belongs in [{owners[0]}]" if owners else f"{hint}{unit}" or f"; known are {_listed(keys)}"
+    right = f"; it belongs in [{owners[0]}]" if owners else f"{hint}{unit}" or f"; known are {', '.join(keys)}"
     meant = (owners[0], name) if owners else (section, *offered)
     return Mistake(
         text=f'unknown key "{clipped(name)}"{right}',
@@ -337,7 +337,3 @@ def _number(values: object, key: NumberKey | TextKey, name: str) -> float | None
 def _offered(hint: str, known: Iterable[str]) -> Place:
     """Return the name that a hint suggests."""
     return tuple(name for name in known if f'"{name}"' in hint)
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(names)

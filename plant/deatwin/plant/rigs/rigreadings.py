@@ -11,6 +11,7 @@ import numpy as np
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
 from deatwin.plant.rigs.rigkeys import Keys, NumberKey, TextKey, key_schema
+from deatwin.plant.words import spaced
 
 _LARGEST = 1e12
 READING_KEYS: Keys = MappingProxyType(
@@ -42,7 +43,7 @@ def unit_fault(name: str, unit: object) -> str:
     if wanted is None or not isinstance(unit, str) or not unit.strip() or UNITS[find_unit(unit)].si == wanted:
         return ""
     likes = [known for known, one in UNITS.items() if one.si == wanted]
-    return f'"{unit[:20]}" is not a unit of the {name.replace("_", " ")}; it must be one of {", ".join(likes)}'
+    return f'"{unit[:20]}" is not a unit of the {spaced(name)}; it must be one of {", ".join(likes)}'
 
 
 def readings_of(sections: Mapping[str, Mapping[str, Any]]) -> tuple[Reading, ...]:

@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import RigError
 from deatwin.plant.material import material
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.rigs.base import Rig
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 FILM, ELECTRODE, BODY = "C2", "C0", "C1"  # Colours of the film, of its electrode, and of parts that hold or move it
 Point = tuple[float, float]

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rigs.base import StartProcedure
 from deatwin.plant.substance import Material
-
-if TYPE_CHECKING:
-    from deatwin.plant.effects.base import Effect
 
 SETTLING = StartProcedure(rest_command=0.0, ramp=0.0, hold=1.0, uncounted=1.0)
 """Start procedure of an experiment with an unknown beginning. The first command is held for a second, in which

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,10 @@ from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import linearise_plant
-from deatwin.control.stability.bands import MarginBand, band_margins
+from deatwin.control.stability.bands import MarginBand, band_margins, evenly_along
 from deatwin.plant.amplitudes import amount, axis_label
-from deatwin.plant.drawing import envelope, plain_numbers
-from deatwin.studies.report.drawing import Drawing, Hue, draw, filled
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from deatwin.plant.drawing import Axes, envelope, plain_numbers
+from deatwin.studies.report.drawing import Drawing, Hue, draw, filled, legend_above
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
@@ -45,7 +42,7 @@ def draw_steps(view: View, steps: ClosedLoop) -> Drawing:
         _draw_command(lower, steps, Hue.BEFORE)
         _draw_limits(lower, view, steps)
         figure.align_ylabels()
-        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        legend_above(figure, upper, 3)
         caption = (
             "Steps of the reference, and the response of the plant model. Dotted lines are the limits of the command."
         )
@@ -80,7 +77,7 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> Drawing:
         lower.set(xlabel=_TIME, ylabel=view.command)
         _draw_limits(lower, view, longest)
         figure.align_ylabels()
-        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        legend_above(figure, upper, 3)
         return Drawing.of(
             figure,
             "rivals",
@@ -416,9 +413,7 @@ def _draw_ellipses(axes: Axes, loops: Loops) -> None:
     near = np.flatnonzero(np.abs(values) < 1.5 * _REACH)
     if not near.size:
         return
-    length = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values[near])))])
-    shown = near[np.searchsorted(length, np.linspace(0.0, length[-1], _ELLIPSES)).clip(max=near.size - 1)]
-    outlines = loops.band.ellipse()[shown]
+    outlines = loops.band.ellipse()[near[evenly_along(values[near], _ELLIPSES)]]
     lines = list(np.stack([outlines.real, outlines.imag], axis=-1))
     axes.add_collection(
         LineCollection(lines, colors=Hue.AFTER, linewidths=0.7, alpha=0.5, label="95 % band of the model")

@@ -23,6 +23,7 @@ from deatwin.control.checking.rows import BAND
 from deatwin.control.checking.specification import Limit
 from deatwin.control.checking.verdict import Finding
 from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.words import as_sentence
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.quantities import three_digits
@@ -232,7 +233,7 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
         figures={drawing.name: drawing for drawing in drawn},
         here=_margins_here(view),
         linearised=any(row.source == BAND for row in check.table),
-        caveats=[_capital(text) for text in check.caveats],
+        caveats=check.caveats,
         gains=written_gains(check),
         controller=check.controller,
         operating=check.operating,
@@ -243,13 +244,9 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
 def _verdict(check: Check) -> tuple[str, list[str]]:
     """Return the decisive finding, and the other findings of the same severity."""
     if check.verdict is Verdict.PASS:
-        return _capital(f"{check.reason}."), []
+        return as_sentence(check.reason), []
     more = [f.text for f in check.findings if f.verdict is check.verdict and f is not check.worst_case]
-    return _capital(f"{check.worst_case.text}."), [_capital(text) for text in more]
-
-
-def _capital(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}"
+    return as_sentence(check.worst_case.text), more
 
 
 def _drawn(view: View) -> list[Drawing]:

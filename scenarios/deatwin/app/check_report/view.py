@@ -14,6 +14,7 @@ from deatwin.control.checking.rows import MarginRow
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.model import Plant
+from deatwin.plant.words import spaced
 from deatwin.studies.report.drawing import Hue
 
 Array = NDArray[np.float64]
@@ -49,7 +50,7 @@ class View:
         for name in self.plants:
             if name not in found:
                 line, colour = next(styles)
-                found[name] = Look(label=name.replace("_", " "), colour=colour, line=line)
+                found[name] = Look(label=spaced(name), colour=colour, line=line)
         for source in dict.fromkeys(row.source for row in self.check.table):
             if source not in found:
                 whose = max((name for name in found if source.startswith(f"{name} ")), key=len, default="model")
@@ -75,12 +76,12 @@ class View:
     @property
     def reading(self) -> str:
         """Label of an axis of outputs."""
-        return axis_label(self.model.output_names[0].replace("_", " "), self.shown_unit)
+        return axis_label(spaced(self.model.output_names[0]), self.shown_unit)
 
     @property
     def command(self) -> str:
         """Label of an axis of commands."""
-        return axis_label(self.model.input_names[0].replace("_", " "), self.check.operating.input_unit)
+        return axis_label(spaced(self.model.input_names[0]), self.check.operating.input_unit)
 
     def rows(self, along_time: bool) -> dict[str, list[MarginRow]]:
         """Margins of each source over operating points or over time."""

@@ -15,6 +15,7 @@ from pathlib import Path
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.files.recordings import ENDINGS
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
+from deatwin.plant.rigs.rigfile import read_rig
 
 RESULT = "diagnosis.json"
 MODEL = "model.json"
@@ -142,7 +143,6 @@ def keep_upload(
 
     def read(path: Path) -> None:
         from deatwin.plant.files.understood import understand
-        from deatwin.plant.rigs.rigfile import read_rig
 
         if suffix == ".toml":
             read_rig(path)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from deatwin.app.live.desk import RESULT, inside
+from deatwin.plant.amplitudes import written_unit
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.files.recordings import ENDINGS
 
@@ -86,7 +87,6 @@ class Verdict:
 def _said(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return the diagnosis in words."""
     from deatwin.ident.mismatch import how_sure, next_step
-    from deatwin.plant.amplitudes import written_unit
     from deatwin.studies.report.quantities import with_interval
 
     unit = diagnosis.output.unit

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant import effect_named
-from deatwin.scenarios.concealed_physics.generator.mechanisms import log_uniform
+from deatwin.scenarios.concealed_physics.generator.mechanism import log_uniform
 from deatwin.scenarios.concealed_physics.generator.specimens import CHECK_SECONDS, RICH, SECONDS, CaseSpec
 
 VISIBLE = 0.3
@@ -32,8 +32,6 @@ RANDOM = frozenset(mechanism for mechanism, known in _OUTSIDE.items() if known.g
 REACH: dict[str, float] = {mechanism: known["reach"] for mechanism, known in (_INSIDE | _OUTSIDE).items()}
 SHOWN_BY: dict[str, str] = {mechanism: known["shown_by"] for mechanism, known in _INSIDE.items() if "shown_by" in known}
 """The only waveform under which a mechanism reaches so far."""
-INVISIBLE = frozenset(names[0] for name, names in KEY.items() if REACH[name] < VISIBLE)
-"""Effects of the catalogue whose mechanism reaches no visible ratio."""
 TIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = tuple(
     (tie["waveform"], tuple(tie["names"]), mechanism, " ".join(tie["because"].split()))
     for tie in _FILE["tie"]

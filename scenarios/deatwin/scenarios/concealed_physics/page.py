@@ -6,14 +6,14 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from deatwin.ident.mismatch import Verdict
 from deatwin.plant import Family, catalogue, effect_named
-from deatwin.plant.drawing import numbers_of_decades, plain_numbers
+from deatwin.plant.drawing import Axes, Figure, numbers_of_decades, plain_numbers
 from deatwin.plant.effects.titles import effects_in_words
+from deatwin.plant.words import spaced
 from deatwin.scenarios.concealed_physics.cases import KEY, OUTSIDE, REACH, VISIBLE
 from deatwin.scenarios.concealed_physics.results import Case, Goal, Opened
 from deatwin.studies.rates import Rate, brier_score, expected_calibration_error, reliability
@@ -22,10 +22,6 @@ from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Table
 from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 WORDS = Words(__package__)
 KINDS = {
@@ -284,11 +280,11 @@ def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
             axes.text(column, row, str(count), ha="center", va="center", fontsize=size)
     axes.axvline(causes - 0.5, color=Hue.INK, linewidth=0.8)
     axes.axhline(len(table.truths) - 2.5, color=Hue.INK, linewidth=0.8)
-    axes.set_xticks(range(len(table.answers)), [a.replace("_", " ") for a in table.answers], fontsize=size)
+    axes.set_xticks(range(len(table.answers)), [spaced(a) for a in table.answers], fontsize=size)
     axes.tick_params(axis="x", labelrotation=90 if crowded else 40)
     for label in axes.get_xticklabels():
         label.set_horizontalalignment("center" if crowded else "right")
-    axes.set_yticks(range(len(table.truths)), [t.replace("_", " ") for t in table.truths], fontsize=size)
+    axes.set_yticks(range(len(table.truths)), [spaced(t) for t in table.truths], fontsize=size)
     axes.set(xlim=(-0.5, len(table.answers) - 0.5), ylim=(len(table.truths) - 0.5, -0.5))
     axes.set_axisbelow(True)
     axes.grid(alpha=0.5)

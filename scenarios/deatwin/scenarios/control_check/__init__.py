@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from deatwin.control import Specification
+from deatwin.plant.words import spaced
 from deatwin.scenarios.control_check import concealed
 from deatwin.scenarios.control_check.matters import QUANTITIES, Promise
 from deatwin.scenarios.control_check.page import INVERSES, WORDS, drawings, judge, tables
@@ -70,7 +71,7 @@ def _numbers(study: Study) -> dict[str, Any]:
         "near": " and ".join(f"{hysteretic.ratio(name, f'oracle: {name}'):.1f}" for name in INVERSES),
         "concealed": concealed,
         "share_concealed": 100 * CONCEALED,
-        "calibrated": ", ".join(name.replace("_", " ").replace(".", " ") for name in CALIBRATED),
+        "calibrated": ", ".join(spaced(name).replace(".", " ") for name in CALIBRATED),
         "reserve": 100 * Specification().reserve,
         "trials": len(outcomes),
         "inside": in_words(inside(outcomes)),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from deatwin.control import Verdict
 from deatwin.plant.amplitudes import axis_label
+from deatwin.plant.words import spaced
 from deatwin.scenarios.control_check.concealed import Concealed, Designed
 from deatwin.scenarios.control_check.matters import QUANTITIES, Matters, Promise
 from deatwin.scenarios.control_check.study import Study
@@ -117,7 +118,7 @@ def _tracking_table(every: Sequence[Tracking]) -> Table:
         ratios = [_number(ratio, ".2f") for ratio in (tracking.ratio("PI", name), one.rms / tracking.best)]
         gain, phase = float(one.margins.gain[0]), float(one.margins.phase_deg[0])
         margins = [_number(gain, ".3g"), _number(phase, ".0f", "°")]
-        status = one.run.status.name.lower().replace("_", " ")
+        status = spaced(one.run.status.name.lower())
         rows.append([tracking.name, name, _number(MICRO * one.rms, ".3g", " µm"), *ratios, *margins, status])
     return WORDS.table("tracking", rows)
 
@@ -154,16 +155,16 @@ def _concealed_table(every: Sequence[Concealed]) -> Table:
     rows = []
     designs = [(each, designed) for each in every for designed in (*each.designs, *each.at_other_times)]
     for one, designed in designs:
-        causes = ", ".join(cause.effect.replace("_", " ") for cause in one.diagnosis.causes) or "–"
+        causes = ", ".join(spaced(cause.effect) for cause in one.diagnosis.causes) or "–"
         law, found, truth = designed.controller, designed.check, designed.truth
-        told = [one.effect.replace("_", " "), one.diagnosis.verdict.value, causes, designed.source]
+        told = [spaced(one.effect), one.diagnosis.verdict.value, causes, designed.source]
         design = [f"{law.closed_loop_time:g} s", law.name, found.verdict.value, found.reason]
         rows.append([*told, *design, f"{truth.verdict.value}: {truth.text}"])
     return WORDS.table("concealed", rows)
 
 
 def _rates(outcomes: Sequence[Outcome]) -> Table:
-    concealed = [f"concealed: {(o.concealed or NOTHING).replace('_', ' ')}" for o in outcomes]
+    concealed = [f"concealed: {spaced(o.concealed or NOTHING)}" for o in outcomes]
     groups = {"all": list(outcomes)}
     for names in ([o.design for o in outcomes], concealed):
         own = {name: [o for o, its in zip(outcomes, names, strict=True) if its == name] for name in sorted(set(names))}
@@ -185,7 +186,7 @@ def _broken(outcomes: Sequence[Outcome]) -> Table:
     rows = []
     for o in broken(outcomes):
         concealed, share = (
-            o.concealed.replace("_", " ") or NOTHING,
+            spaced(o.concealed) or NOTHING,
             "–" if o.inside is None else f"{100 * o.inside:.1f} %",
         )
         rows.append([str(o.number), o.design, f"{o.closed_loop_time:.2g} s", concealed, share, o.truth])
@@ -240,7 +241,7 @@ def _concealed(every: Sequence[Concealed]) -> Drawing:
                 ", ".join(f"{d.source} {getattr(d, kind).verdict.value}" for d in one.designs)
                 for kind in ("check", "truth")
             )
-            titled(axes, f"{one.effect.replace('_', ' ')} concealed. Check: {said}. True rig: {was}")
+            titled(axes, f"{spaced(one.effect)} concealed. Check: {said}. True rig: {was}")
             axes.set_ylabel("displacement (µm)")
         panels[-1].set_xlabel("time (s)")
         legend_above(figure, panels[0], 3)

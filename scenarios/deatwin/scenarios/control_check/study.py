@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant import Diaphragm, Plant, specification
+from deatwin.plant.words import spaced
 from deatwin.scenarios.control_check.concealed import EFFECTS, Concealed, conceal
 from deatwin.scenarios.control_check.matters import Matters, compare_models
 from deatwin.scenarios.control_check.tracking import EXCITED, FleetRun, Tracking, fleet_runs, track
@@ -49,7 +50,7 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Progress) -> 
     matters = compare_models(rngs[2])
     found = []
     for number, effect in enumerate(EFFECTS):
-        tell((0.4 + 0.6 * number / len(EFFECTS)) * rest, f"concealing {effect.replace('_', ' ')}")
+        tell((0.4 + 0.6 * number / len(EFFECTS)) * rest, f"concealing {spaced(effect)}")
         found.append(conceal(effect, rngs[3 + number], jobs=jobs, seed=seed))
     outcomes = _trials(folder, count, seed, jobs, between(tell, rest, 1.0))
     return Study(tracking=tracking, fleet=six, matters=matters, concealed=tuple(found), outcomes=outcomes)

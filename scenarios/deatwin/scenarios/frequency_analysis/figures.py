@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from deatwin.ident.frequency.closed_forms import DUFFING, QUADRATIC, ClosedForm
 from deatwin.ident.frequency.output_responses.settled import Evaluated, OrderRanges
 from deatwin.ident.narx import Term
 from deatwin.ident.narx.fleet.alike import BAND, OPERATING_INPUT
-from deatwin.plant.drawing import plain_numbers
+from deatwin.plant.drawing import Axes, plain_numbers
 from deatwin.scenarios.frequency_analysis.actuators import (
     FREQUENCIES,
     GRID,
@@ -36,9 +35,6 @@ from deatwin.studies.report.drawing import (
     titled,
 )
 from deatwin.studies.report.words import Each, Words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 WORDS = Words(__package__)

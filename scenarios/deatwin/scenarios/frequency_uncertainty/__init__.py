@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency import Agreement, Comparison
 from deatwin.ident.narx.fleet.records import DRIFTING
+from deatwin.plant.words import listed, spaced
 from deatwin.scenarios.frequency_uncertainty.page import (
     FASTER,
     column_of,
@@ -37,7 +38,7 @@ from deatwin.scenarios.frequency_uncertainty.study import (
 )
 from deatwin.studies.report.drawing import SUBSCRIPTS
 from deatwin.studies.report.story import StoryPage, finish, reached
-from deatwin.studies.report.words import Span, listed, notes
+from deatwin.studies.report.words import Span, notes
 from deatwin.studies.stories import Setting
 
 PLAN = Plan()
@@ -98,7 +99,7 @@ def _numbers(study: Study) -> dict[str, Any]:
         "answer": _answer(fleet),
         "predicted": _by_order(fleet, fleet.predicted),
         "steady": _by_order(fleet, fleet.spread("steady")),
-        "leading": [name.replace("_", " ").replace(".", " ") for name in leading],
+        "leading": [spaced(name).replace(".", " ") for name in leading],
         "unseen": [d.size for d in fleet.tables["steady"].differences if not d.differs],
         "structure": STRUCTURE,
         "factor": FACTOR,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,9 @@ from deatwin.ident.frequency import Agreement, Comparison, Difference, Frequency
 from deatwin.ident.frequency.comparison.fleet import share_of
 from deatwin.ident.frequency.uncertainty.beside_draws import Spread, columns_of
 from deatwin.ident.narx.fleet.records import DRIFTING
+from deatwin.plant.drawing import Axes
 from deatwin.plant.fleet import TOLERANCES
+from deatwin.plant.words import spaced
 from deatwin.scenarios.frequency_uncertainty.study import BILINEAR, LINEAR, NOTCH, Consistency, Known, Study
 from deatwin.studies.report.drawing import (
     STYLES,
@@ -27,9 +28,6 @@ from deatwin.studies.report.drawing import (
 )
 from deatwin.studies.report.story import Measure, Table
 from deatwin.studies.report.words import Span, Words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 WORDS = Words(__package__)
 COVERED = (0.92, 0.98)  # Share of the 95 % regions that may hold the truth
@@ -181,7 +179,7 @@ def _drifts(table: Comparison) -> Iterator[list[str]]:
 
 def _tolerances(fleet: Consistency) -> Iterator[list[str]]:
     for name, values in sorted(fleet.shares.items(), key=lambda item: -float(np.sum(item[1]))):
-        words = name.replace("_", " ").replace(".", " ")
+        words = spaced(name).replace(".", " ")
         yield [words, f"±{100 * TOLERANCES[name].share:g} %", *(f"{100 * value:.1f} %" for value in values)]
     yield ["all together", "", *(f"{100 * value:.1f} %" for value in fleet.predicted)]
 

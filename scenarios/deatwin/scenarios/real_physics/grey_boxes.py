@@ -17,6 +17,7 @@ from deatwin.ident import run_jobs
 from deatwin.ident.greybox import Calibration, calibrate
 from deatwin.plant import Builder, Experiment, Parameter, Place, Plant, ReadingTime, Rig, Scale, Sizes
 from deatwin.plant.effects.smooth import smooth_sign, soft_excess
+from deatwin.plant.words import spaced
 from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks
 from deatwin.scenarios.real_physics.cascaded_tanks import Tanks
 from deatwin.studies.missing_physics import HeldOut
@@ -246,5 +247,5 @@ def _parameters(one: Judged) -> Table:
     for name in one.fit.names:
         (low, high), p = one.fit.interval(name), one.fit.plant.parameters[name]
         known = f"{low:.3g} to {high:.3g}" if one.fit.is_determined(name) else "undetermined"
-        rows.append([name.replace("_", " "), f"{p.value:.4g} {'' if p.unit == '1' else p.unit}".rstrip(), known])
+        rows.append([spaced(name), f"{p.value:.4g} {'' if p.unit == '1' else p.unit}".rstrip(), known])
     return WORDS.table("parameters", rows, name=one.task.name)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.plant.drawing import Axes
 from deatwin.scenarios.regression_lessons import variance
 from deatwin.scenarios.regression_lessons.constraint import Constrained, Plane
 from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam
@@ -14,9 +13,6 @@ from deatwin.scenarios.regression_lessons.variance import Decomposition
 from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above
 from deatwin.studies.report.story import Measure
 from deatwin.studies.report.words import Words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 WORDS = Words(__package__)
 SURE = 4.0  # Standard errors that the largest of some dozens of Monte Carlo means may lie off

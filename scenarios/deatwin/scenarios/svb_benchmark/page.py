@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from deatwin.plant.drawing import Axes
 from deatwin.scenarios.svb_benchmark.draws import METHODS, VARIATIONAL, Oracle, Trial, consult, system_of
 from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Study
 from deatwin.studies.rates import Rate
@@ -14,9 +15,6 @@ from deatwin.studies.report.drawing import COLOURS, Drawing, Hue, draw
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Measure, Table
 from deatwin.studies.report.words import Words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 WORDS = Words(__package__)
 COVERAGE = (0.92, 0.98)

@@ -16,6 +16,7 @@ from deatwin.ident.curves import mean_curve, straight_line
 from deatwin.plant import specification
 from deatwin.plant.files import write_recording
 from deatwin.plant.fleet import TOLERANCES
+from deatwin.plant.words import spaced
 from deatwin.scenarios.thesis_data.page import ELASTIC, SPECIFIED, drawings, judge
 from deatwin.scenarios.thesis_data.study import Bench, SmallVoltages, Study, carry_out, side_bands, small_voltages
 from deatwin.studies.parallel import between
@@ -91,9 +92,9 @@ def _histories(study: Study) -> Iterator[list[str]]:
     for plant, name in ((bench.actuator.plant, bench.actuator.name) for bench in study.benches):
         for effect in plant.effects:
             own = [plant.parameters[p.name] for p in effect.parameters]
-            values = ", ".join(f"{p.name.split('.')[1].replace('_', ' ')} {quantity(p.value, p.unit)}" for p in own)
-            yield [name, effect.name.replace("_", " "), values]
+            values = ", ".join(f"{spaced(p.name.split('.')[1])} {quantity(p.value, p.unit)}" for p in own)
+            yield [name, spaced(effect.name), values]
 
 
 def _spaced(name: str) -> str:
-    return name.replace("_", " ").replace(".", ", ")
+    return spaced(name).replace(".", ", ")

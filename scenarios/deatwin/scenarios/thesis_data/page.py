@@ -22,7 +22,7 @@ from deatwin.ident.narx.fleet.records import MOVES, Move
 from deatwin.plant import Recording
 from deatwin.plant.drawing import envelope, plain_numbers
 from deatwin.scenarios.thesis_data.study import Bench, SideBands, SmallVoltages, Study
-from deatwin.studies.report.drawing import Drawing, Hue, draw, panels_of, titled
+from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above, panels_of, titled
 from deatwin.studies.report.story import Measure
 from deatwin.studies.report.words import Span, Words
 
@@ -210,7 +210,7 @@ def _recordings(benches: Sequence[Bench]) -> Drawing:
             axes.plot(*envelope(record.timepts, y), color=Hue.MEASURED, linewidth=0.4, label="readings")
             axes.plot(timepts, mean, color=Hue.BEFORE, linewidth=1.8, label=f"moving mean, {WINDOW:.0f} s")
             titled(axes, bench.actuator.name)
-        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        legend_above(figure, panels[0, 0], 3)
         stories = " ".join(f"{b.actuator.name}: {b.actuator.story}" for b in benches)
         return WORDS.drawing(figure, "recordings", stories=stories)
 
@@ -233,7 +233,7 @@ def _drifts(benches: Sequence[Bench]) -> Drawing:
             for mean, (label, colour, width) in zip(means, styles, strict=True):
                 axes.plot(timepts, mean, color=colour, linewidth=width, label=label)
             titled(axes, bench.actuator.name)
-        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        legend_above(figure, panels[0, 0], 3)
         return WORDS.drawing(figure, "drifts")
 
 
@@ -269,7 +269,7 @@ def _spectra(benches: Sequence[Bench]) -> Drawing:
             axes.axvline(1.0, color=Hue.MARK, linewidth=0.9)
             titled(axes, bench.actuator.name)
         panels[0, 0].set(xscale="log", yscale="log", xlim=(0.02, 25), ylim=(1e-3, 1e5))
-        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        legend_above(figure, panels[0, 0], 3)
         return WORDS.drawing(figure, "spectra")
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident import spawn_generators
-from deatwin.ident.drifts import root_mean_square
 from deatwin.ident.frequency import (
     SlidingStatistics,
     design_excitation,
@@ -37,6 +36,7 @@ from deatwin.ident.narx.varying_systems import (
 )
 from deatwin.ident.narx.wander import CONSTANT, VARYING, Track, follow_actuator
 from deatwin.plant import Actuator, Recording, fleet
+from deatwin.plant.arrays import root_mean_square
 from deatwin.studies.parallel import between, run_told
 from deatwin.studies.voice import Progress
 

@@ -10,13 +10,15 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from deatwin.ident.drifts import moving_mean
 from deatwin.ident.mismatch.certainty import percent
 from deatwin.plant import fleet
+from deatwin.plant.drawing import Axes
+from deatwin.plant.words import spaced
 from deatwin.scenarios.unexplained_drift.repeatability import numbers, rows_of, sentence_of, table_of
 from deatwin.scenarios.unexplained_drift.score import Judged, Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, opened
@@ -27,9 +29,6 @@ from deatwin.studies.report.quantities import quantity, with_interval
 from deatwin.studies.report.story import StoryPage, Table, end_run, write_story
 from deatwin.studies.report.words import Words, notes
 from deatwin.studies.stories import Setting
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 WORDS = Words(__package__)
 WINDOW = 2.0  # Window of the sliding mean, s: two periods of the highest frequency of the input
@@ -107,9 +106,9 @@ def _draw_departures(axes: Axes, track: Track) -> None:
 
 
 def _title(score: Judged) -> str:
-    truth = " and ".join(score.truth).replace("_", " ")
-    causes = " and ".join(c.effect for c in score.diagnosis.causes).replace("_", " ")
-    answer = f"{score.diagnosis.verdict.value.replace('_', ' ')}{': ' if causes else ''}{causes}"
+    truth = spaced(" and ".join(score.truth))
+    causes = spaced(" and ".join(c.effect for c in score.diagnosis.causes))
+    answer = f"{spaced(score.diagnosis.verdict.value)}{': ' if causes else ''}{causes}"
     return f"{score.name}, with {truth}. Answer: {answer} ({score.mark.value})"
 
 
@@ -133,4 +132,4 @@ def _estimates(scores: Sequence[Judged]) -> Table:
 
 
 def _words(names: Iterable[str]) -> str:
-    return ", ".join(names).replace("_", " ")
+    return spaced(", ".join(names))

@@ -8,17 +8,13 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
-
-    from deatwin.studies.folder import ResultFolder
+from deatwin.plant.drawing import Axes, Figure
+from deatwin.studies.folder import ResultFolder
 
 COLOURS = {
     "ink": ("#010a01", "#181b20", "#d7dae0"),

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from deatwin.ident.mismatch import Diagnosis, LocationSummary
 from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
+from deatwin.ident.mismatch.located import Window
 from deatwin.ident.mismatch.quality.faults import OF_READING
+from deatwin.ident.mismatch.result import Fault
 from deatwin.plant.amplitudes import axis_label, reported_size, written_unit
-from deatwin.plant.drawing import envelope, numbers_of_decades
+from deatwin.plant.drawing import Axes, envelope, numbers_of_decades
 from deatwin.plant.prefixes import prefixed
+from deatwin.plant.words import spaced
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, inline
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from deatwin.ident.mismatch import Diagnosis, LocationSummary
-    from deatwin.ident.mismatch.located import Window
-    from deatwin.ident.mismatch.result import Fault
-
 
 Array = np.ndarray
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
@@ -67,7 +62,7 @@ def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, A
         amendment=_amendment(diagnosis) if tracks[0].amended is not None else "",
         unit=shown,
         reading=f"{name} ({shown})" if shown else name,
-        command=f"{record.input_names[0].replace('_', ' ')}{input_unit}",
+        command=f"{spaced(record.input_names[0])}{input_unit}",
         time="time (s)" if tracks[-1].experiment == 1 else "time, experiments one after another (s)",
         noise=diagnosis.noise,
         located=diagnosis.location,
@@ -94,7 +89,7 @@ def _further(diagnosis: Diagnosis, view: _View) -> dict[str, _View]:
 
 def _amendment(diagnosis: Diagnosis) -> str:
     """Describe the added effects briefly, for a legend."""
-    names = [cause.effect.replace("_", " ") for cause in diagnosis.causes]
+    names = [spaced(cause.effect) for cause in diagnosis.causes]
     if not names and diagnosis.free_form is not None:
         return "the fitted formula"
     return " and ".join(names) if 0 < len(names) < 3 else "the amendments"
@@ -120,7 +115,7 @@ def _residual(view: _View, further: str = "") -> Drawing:
             legend = figure.legend(*handles, loc="outside upper left", ncols=2)
             for patch in legend.get_patches():  # patches as pale as on the axes could not be seen on a dark page
                 patch.set_alpha(0.5)
-        name, which = f"residual_{further}" if further else "residual", further.replace("_", " ") or "reading"
+        name, which = f"residual_{further}" if further else "residual", spaced(further) or "reading"
         title = f"Residual of the {which} over time" if further else "Residual over time"
         svg = inline(figure, name, title)
     caption = f"Measured minus simulated {which}. Grey marks held-out data, to which no parameter was fitted."

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from deatwin.ident.mismatch import Diagnosis, LocationSummary
 from deatwin.ident.mismatch.certainty import how_sure, next_step, percent
-from deatwin.ident.mismatch.say import at_body, called, listed, ranked, unit_of
+from deatwin.ident.mismatch.say import at_body, called, or_listed, ranked, unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
+from deatwin.plant.words import spaced
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.figures import LEAST_SHARE, drawings
 from deatwin.studies.report.quantities import three_digits, with_interval
 from deatwin.studies.report.rendering import Origin, write_page
 from deatwin.studies.report.steps import forms, noise_source, parameters, shams, step_drawings
-
-if TYPE_CHECKING:
-    from deatwin.ident.mismatch import Diagnosis, LocationSummary
-
 
 MOST_LINES = 6
 STATISTICS = {
@@ -73,7 +71,7 @@ def _possible(diagnosis: Diagnosis) -> list[tuple[str, str]]:
 def _alike(diagnosis: Diagnosis) -> str:
     """Name the alternatives that the recordings cannot distinguish from the answer, with their d²."""
     pairs = ((called(pair.effects[1].split("+"), diagnosis), pair.d2) for pair in diagnosis.indistinguishable)
-    return listed([f"{name} (d² = {three_digits(d2)})" for name, d2 in pairs])
+    return or_listed([f"{name} (d² = {three_digits(d2)})" for name, d2 in pairs])
 
 
 def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
@@ -103,7 +101,7 @@ def _places(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
     places = diagnosis.location.place if diagnosis.location else ()
     rows = []
     for place in places:
-        name = at_body(": ".join(filter(None, (place.place, place.signal))).replace("_", " "), diagnosis)
+        name = at_body(spaced(": ".join(filter(None, (place.place, place.signal)))), diagnosis)
         name = "a parameter of the model" if name == "parameter" else name
         shares = {"predicted from signals": place.explained}
         if place.explained is None or _has_effect(place.place, diagnosis):

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.say import ends, risk
 from deatwin.plant.effects.titles import effects_in_words
+from deatwin.plant.words import as_sentence
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord, versions
 from deatwin.studies.report.drawing import COLOURS, Drawing
@@ -114,20 +115,9 @@ def templates(package: str) -> Environment:
         "plain": effects_in_words,
         "ends": ends,
     }
-    environment.filters |= {"quantity": quantity, "raised": raised, "remark": remark}
+    environment.filters |= {"quantity": quantity, "raised": raised, "sentence": as_sentence}
     environment.finalize = unbroken
     return environment
-
-
-def remark(text: str) -> str:
-    """Write a remark as a sentence; a name at its beginning, such as that of a file, keeps its small letter.
-
-    >>> remark("the reading jumps"), remark("noise.csv: the reading jumps")
-    ('The reading jumps.', 'noise.csv: the reading jumps.')
-    """
-    first = text.partition(" ")[0]
-    start = text[:1] if re.search(r"[._]", first) else text[:1].upper()
-    return f"{start}{text[1:]}."
 
 
 def unbroken(shown: Any) -> Any:

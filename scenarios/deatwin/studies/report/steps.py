@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from deatwin.ident.mismatch import Diagnosis, Findings, VerificationSummary
 from deatwin.ident.mismatch.quality.noise import NoiseSource
 from deatwin.ident.mismatch.say import unit_of
+from deatwin.plant.drawing import Figure
 from deatwin.studies.report.drawing import Drawing, draw
 from deatwin.studies.report.quantities import quantity, three_digits, with_interval
 from deatwin.studies.report.tables import drawn_table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from deatwin.ident.mismatch import Diagnosis, Findings, VerificationSummary
-
 
 STEPS = ("checked", "detection", "region", "place", "lines", "free_form", "advice", "verification")
 WIDTH = 6.4

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from deatwin.plant.drawing import Axes, Figure
 
+if TYPE_CHECKING:
     from deatwin.ident.narx import NarxModel
 
 

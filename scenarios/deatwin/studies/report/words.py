@@ -6,32 +6,18 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from numpy.typing import ArrayLike
+
+from deatwin.plant.drawing import Figure
+from deatwin.plant.words import listed
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.story import Measure, Note, Table
 from deatwin.studies.report.tables import drawn_table
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
-
 _HEADING = re.compile(r"^## +(.+)$", re.MULTILINE)
 _CODE = re.compile(r"^```\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-
-
-def as_sentence(text: str) -> str:
-    """Return a text that begins with a small letter and has no full stop as a sentence."""
-    return f"{text[:1].upper()}{text[1:]}."
-
-
-def listed(texts: list[str]) -> str:
-    """Join texts in words.
-
-    >>> listed(["A", "B", "C"]), listed(["A"]), listed([])
-    ('A, B and C', 'A', '')
-    """
-    return " and ".join([*filter(None, [", ".join(texts[:-1])]), *texts[-1:]])
 
 
 def notes(package: str, name: str = "notes.md.j2", /, **numbers: Any) -> list[Note]:

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.interrupts import obey
+from deatwin.plant.words import first_of
 from deatwin.studies.interrupts import forward_signals
 from deatwin.studies.sweep.store import CaseStore
 from deatwin.studies.voice import TimeLeft
@@ -66,7 +67,7 @@ def _run_all(
         fewest = min(deaths[name] for name in missing)
         if fewest >= MOST_DEATHS:
             raise DataError(
-                f"{store.cases}: the worker died each of {fewest} times that it ran {_listed(missing)} (memory?); all "
+                f"{store.cases}: the worker died each of {fewest} times that it ran {first_of(missing, 5)} (memory?); all "
                 "other cases are finished"
             )
         turn = [name for name in missing if deaths[name] == fewest]
@@ -83,7 +84,7 @@ def _run_all(
         else:
             if absent := store.missing(turn):
                 raise DataError(
-                    f"{store.cases}: there is no result of {_listed(absent)}, although it was run: do all workers see "
+                    f"{store.cases}: there is no result of {first_of(absent, 5)}, although it was run: do all workers see "
                     f"this folder?"
                 )
     progress.only([])
@@ -145,7 +146,3 @@ class _Progress:
         done = f"{self.noun} {self.count - len(self.left)} of {self.count}"
         text = ", ".join(filter(None, (done, self.time_left.text)))
         self.tell(1.0 - self.to_come / self.total, text)
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")

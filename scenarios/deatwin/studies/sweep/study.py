@@ -18,6 +18,7 @@ from deatwin.studies.sweep.results import CASE_SCHEMA, Study
 from deatwin.studies.sweep.run import run_sweep
 from deatwin.studies.sweep.seal import SweepSeal, digest, sources_digest
 from deatwin.studies.sweep.store import CaseStore
+from deatwin.studies.voice import Voice
 
 Case = Mapping[str, Any]
 Work = Callable[[Case, np.random.Generator], Mapping[str, Any]]
@@ -93,7 +94,6 @@ def run_study(
         If the user interrupts the run. Finished cases are kept, and the error message states their number.
     """
     from deatwin.studies.provenance import versions
-    from deatwin.studies.voice import Voice
 
     known = _named(cases)
     parts = {"seed": seed, "settings": dict(settings or {}), **_function(work)}

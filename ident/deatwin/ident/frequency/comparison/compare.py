@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,10 +17,9 @@ from deatwin.ident.frequency.comparison.equality import Equality, equality, holm
 from deatwin.ident.frequency.linear import operating_input_of
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
+from deatwin.plant.drawing import Axes
 from deatwin.plant.errors import ModelError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from deatwin.plant.words import spaced
 
 
 class Agreement(Enum):
@@ -304,7 +303,7 @@ def _require_alike(first: NarxModel, second: NarxModel) -> None:
     for what in ("input_units", "output_units"):
         one, other = getattr(first, what), getattr(second, what)
         if one != other:
-            raise ModelError(f"the models have the {what.replace('_', ' ')} {one} and {other}: they must be the same")
+            raise ModelError(f"the models have the {spaced(what)} {one} and {other}: they must be the same")
 
 
 def _plot(comparison: Comparison, ax: Axes | None) -> Axes:

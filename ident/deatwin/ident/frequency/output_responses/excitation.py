@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,12 +18,8 @@ from deatwin.ident.frequency.output_responses.ranges import checked_band, checke
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
-from deatwin.plant.drawing import axes_or_new, written_unit
+from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,8 @@ from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,14 +17,8 @@ from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, region_radius
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, nested, several, variable
-from deatwin.plant.drawing import axes_or_new, written_unit
+from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from deatwin.ident.frequency.response import Band
-
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,8 @@ from deatwin.ident.frequency.uncertainty.regions import Uncertain, plot_draws
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.datasets import Metadata, attribute, variable
+from deatwin.plant.drawing import Axes
 from deatwin.plant.errors import ModelError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

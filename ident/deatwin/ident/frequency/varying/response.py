@@ -18,11 +18,10 @@ from deatwin.ident.frequency.linear import levels, motion
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
-from deatwin.plant.drawing import axes_or_new, written_unit
+from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.colors import Normalize
 
 

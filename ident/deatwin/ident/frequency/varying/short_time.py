@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.drifts import root_mean_square
 from deatwin.ident.frequency import output_spectrum, remove_dc
 from deatwin.ident.frequency.output_responses.powers import input_spectrum
 from deatwin.ident.frequency.output_responses.result import NofrfWarning
 from deatwin.ident.frequency.varying.along_time import tv_nofrf
 from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
+from deatwin.plant.arrays import root_mean_square
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -6,20 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from operator import attrgetter
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, real_number
+from deatwin.ident.frequency.frozen import Frozen
+from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.datasets import Described, attribute, coordinate, variable
-from deatwin.plant.drawing import panels_or_new
+from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 
@@ -55,7 +52,7 @@ class SlidingStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SlidingStatistics(Described):
+class SlidingStatistics(Described, Frozen):
     """Mean and gain of a recording in sliding windows.
 
     Parameters
@@ -101,11 +98,6 @@ class SlidingStatistics(Described):
     output_unit: str = ""
     input_unit: str = ""
 
-    def __post_init__(self) -> None:
-        means, gains = (self.mean, self.mean_low, self.mean_high), (self.gain, self.gain_low, self.gain_high)
-        for array in (self.timepts, *means, *gains):
-            array.setflags(write=False)
-
     @property
     def gain_unit(self) -> str:
         """Unit of the gain; empty if the unit of either signal is empty."""
@@ -122,7 +114,7 @@ class SlidingStatistics(Described):
             (line,) = ax.plot(self.timepts, values, label=f"windows of {self.window_s:.4g} s")
             band = f"{100 * self.level:.4g} % band"
             ax.fill_between(self.timepts, low, high, color=line.get_color(), alpha=0.25, linewidth=0, label=band)
-            ax.set_ylabel(f"{name} ({unit})" if unit else name)
+            ax.set_ylabel(axis_label(name, unit))
             ax.set_title(f"chance without drift: {p:.2g}", loc="right", fontsize="small")
         panels[0].legend(fontsize="small")
         panels[-1].set_xlabel("time (s)")

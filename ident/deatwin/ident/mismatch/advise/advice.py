@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,14 +23,11 @@ from deatwin.plant.datasets import (
     table_along,
     variable,
 )
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.effects.titles import effects_in_words
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.words import listed, spaced
 
 INPUT_FILE = "next_input.csv"
 """Name of the file in which `deatwin diagnose` stores the commands of the advised experiment."""
@@ -137,7 +134,7 @@ class Advice(Described):
     @property
     def sentence(self) -> str:
         """The advice in words."""
-        which = _listed(self.alternatives)
+        which = spaced(listed(self.alternatives))
         if self.recording is None:
             return f"No input within the rig's limits can distinguish {which}; measure {self.measure}.{self._odds}"
         load = "" if self.added_mass is None else f" with {1e3 * self.added_mass:.3g} g added to the load"
@@ -145,7 +142,7 @@ class Advice(Described):
         rest = (
             ""
             if not self.undecided
-            else f"; if {_listed(self.undecided)} still remain possible, measure {self.measure}"
+            else f"; if {spaced(listed(self.undecided))} still remain possible, measure {self.measure}"
         )
         return (
             f"Record a further experiment of {self.seconds:.4g} s{load} ({self.waveform}, {INPUT_FILE}). The probability of "
@@ -260,10 +257,6 @@ class Advice(Described):
         ax.set_title(
             f"{self.waveform}{load}\nprobability of a wrong choice: {before} now, {after} afterwards", fontsize="medium"
         )
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]]).replace("_", " ")
 
 
 def _percent(share: float) -> str:

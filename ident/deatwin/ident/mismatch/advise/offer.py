@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from deatwin.plant.prefixes import with_unit
+from deatwin.plant.words import spaced
 
 THERMOMETER = "room_temperature"
 """Signal of the room's temperature, which an effect assumes if no thermometer was read."""
@@ -53,4 +54,4 @@ class PricedReading(SensorOffer):
 
 def in_words(reading: str) -> str:
     """Write the name of a reading as part of a sentence."""
-    return WORDS.get(reading, f"the {reading.replace('_', ' ')}")
+    return WORDS.get(reading, f"the {spaced(reading)}")

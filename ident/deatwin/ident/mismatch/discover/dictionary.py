@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.greybox.parts import Part
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.effects.primitives import (
     DeadBand,
     Largest,
@@ -75,7 +76,8 @@ def dictionary(along: Sequence[Signals], position: str) -> tuple[Primitive, ...]
     times = np.geomspace(first, last, TIMES)
     names = [name for name in along[0] if any(np.ptp(signals[name]) > 0 for signals in along)]
     given: dict[str, dict[str, Any]] = {
-        name: {"variable": name, "scale": _rms([signals[name] for signals in along])} for name in names
+        name: {"variable": name, "scale": root_mean_square(np.concatenate([signals[name] for signals in along]))}
+        for name in names
     }
     found: list[Primitive] = []
     if position in given:
@@ -91,10 +93,6 @@ def dictionary(along: Sequence[Signals], position: str) -> tuple[Primitive, ...]
         found += [*(Power(order=n, **u) for n in (1, 2, 4)), *(LowPass(time=float(t), order=2, **u) for t in times)]
     found += [Power(**given[name]) for name in ("command_rate", "time") if name in given]
     return tuple(found)
-
-
-def _rms(pieces: Sequence[Array]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(pieces) ** 2)))
 
 
 def evaluated(terms: Sequence[Primitive], signals: Signals, sample_time: float) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import chdtrc
@@ -13,11 +12,7 @@ from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import FEWEST, Track
 from deatwin.ident.mismatch.located import Band
 from deatwin.plant.datasets import Described, coordinate, table_along, variable
-from deatwin.plant.drawing import axes_or_new
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.drawing import Axes, axes_or_new
 
 SEGMENT_SECONDS, SEGMENT_SAMPLES, SEGMENTS = 20.0, 256, 8
 """Length of a segment, s; smallest number of its samples for a plant that is sampled slowly; and number of segments in

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +23,7 @@ from deatwin.ident.mismatch.locate.track import SI, Track, Unit
 from deatwin.ident.mismatch.located import LineGroup
 from deatwin.plant.amplitudes import axis_label, written_unit
 from deatwin.plant.datasets import Described, table_along, variable
-from deatwin.plant.drawing import axes_or_new
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.drawing import Axes, axes_or_new
 
 Array = NDArray[np.float64]
 

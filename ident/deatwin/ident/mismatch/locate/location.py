@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,16 +19,13 @@ from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
 from deatwin.ident.mismatch.located import LinesSummary, LocationSummary, ReadingLocation, ResponseDifference
 from deatwin.ident.mismatch.model_error import error_in
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.quality.quality import DataQuality
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, attribute, several
+from deatwin.plant.drawing import Axes
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from deatwin.ident.mismatch.naming.candidate import Candidate
-    from deatwin.ident.mismatch.problem import DiagnosisProblem
-    from deatwin.ident.mismatch.quality.quality import DataQuality
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import chdtrc, ndtr
@@ -16,17 +16,13 @@ from deatwin.ident.greybox.filter_linear import Floor, Linear, without_repeats
 from deatwin.ident.greybox.filter_openings import STATE, Opening, places
 from deatwin.ident.mismatch.locate.closure import Closure, closure, closure_p_value, regressions
 from deatwin.ident.mismatch.located import PlaceSummary
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.datasets import Described, Metadata, attribute, table_along, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.effects.base import Place
 from deatwin.plant.model import Plant
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from deatwin.ident.mismatch.naming.candidate import Candidate
-    from deatwin.ident.mismatch.problem import DiagnosisProblem
-
+from deatwin.plant.words import spaced
 
 BLOCKS = 48
 """Number of stretches of the recordings in which two places are compared."""
@@ -102,7 +98,7 @@ class Places(Described):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the score of each signal, those that cannot be distinguished from the best one filled."""
         ax = axes_or_new(ax)
-        names = [f"{o.place}: {o.signal.replace('_', ' ')}" for o in self.opened]
+        names = [f"{o.place}: {spaced(o.signal)}" for o in self.opened]
         best = [o.among_best and self.repeatable for o in self.opened]
         for mask, style, label in (
             (best, {"color": "C0"}, "not distinguished from the best"),

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from itertools import cycle
 from operator import attrgetter
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtr
@@ -17,11 +16,8 @@ from deatwin.ident.mismatch.locate.track import Track
 from deatwin.ident.mismatch.located import Region
 from deatwin.ident.soundness import samples_in
 from deatwin.plant.datasets import Described, table_along, variable
-from deatwin.plant.drawing import axes_or_new
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.drawing import Axes, axes_or_new
+from deatwin.plant.words import spaced
 
 BINS = 12
 BRANCH, SINCE_REST = "branch", "time_since_rest"
@@ -90,7 +86,7 @@ def _legend(name: str, low: float, high: float, unit: str) -> str:
     if name == BRANCH:
         return "reading: falling (left) or rising (right)"
     lowest, highest = (f"{float(f'{end:.3g}'):g}" for end in (low, high))
-    said = "time since the command was constant" if name == SINCE_REST else name.replace("_", " ")
+    said = "time since the command was constant" if name == SINCE_REST else spaced(name)
     return f"{said}: {lowest} to {highest} {unit}".rstrip()
 
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import factorial, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,13 +26,9 @@ from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.robust import Cosines, pseudovalues
 from deatwin.ident.narx.rules import AtMost
 from deatwin.ident.narx.terms import generate_terms
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = np.ndarray
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import ndtr
@@ -15,11 +15,7 @@ from deatwin.ident.mismatch.locate.track import SI, Track, Unit
 from deatwin.ident.mismatch.located import Window
 from deatwin.ident.soundness import samples_in
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
-from deatwin.plant.drawing import axes_or_new
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.drawing import Axes, axes_or_new
 
 WINDOW_SECONDS, MOST_WINDOWS = 2.0, 2000
 """Length of a window, s, and largest number of windows: the work grows with its square."""

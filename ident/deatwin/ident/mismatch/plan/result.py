@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from deatwin.ident.mismatch.advise.advice import write_input
 from deatwin.ident.mismatch.advise.offer import SensorOffer
 from deatwin.plant.amplitudes import axis_label, written_unit
-from deatwin.plant.drawing import axes_or_new, plain_numbers
+from deatwin.plant.drawing import Axes, axes_or_new, plain_numbers
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
 from deatwin.plant.records import INTERNAL, plain
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from deatwin.plant.words import spaced
 
 SCHEMA = "deatwin/plan/1"
 
@@ -65,12 +63,12 @@ class Foreseen:
     @property
     def sentence(self) -> str:
         """The strength at which the effect would be detected, in one sentence."""
-        name = self.effect.replace("_", " ")
+        name = spaced(self.effect)
         if self.smallest is None:
             return f"{name}: not detected at any strength within its range"
         least = with_unit(self.smallest, self.unit)
-        shown = f"{name}: detected if its {self.strength.replace('_', ' ')} is {least} or larger"
-        others = ", ".join(other.replace("_", " ") for other in self.alike)
+        shown = f"{name}: detected if its {spaced(self.strength)} is {least} or larger"
+        others = ", ".join(spaced(other) for other in self.alike)
         return f"{shown}; not distinguished from {others}" if others else shown
 
 
@@ -202,7 +200,7 @@ class ExperimentPlan:
         axes.plot(least, places, "o", color="tab:blue", label="smallest change that is detected")
         axes.plot(typical, places, "d", color="tab:orange", label="change at the typical strength")
         axes.axvline(self.noise, color="tab:gray", linestyle=":", label="sensor noise")
-        axes.set_yticks(places, [one.effect.replace("_", " ") for one, _ in shown])
+        axes.set_yticks(places, [spaced(one.effect) for one, _ in shown])
         axes.set(xscale="log", xlabel=axis_label("change of the reading, rms", written_unit(self.unit)))
         plain_numbers(axes.xaxis)
         axes.legend(fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from deatwin.ident.mismatch.quality.quality import DataQuality
 from deatwin.ident.mismatch.result import Fault
 from deatwin.plant.recording import label
+from deatwin.plant.words import spaced
 
 OF_READING = ("the reading is stuck", "the reading has outliers")
 """Faults of the first reading, which decide the verdict."""
@@ -14,7 +15,7 @@ def faults_of(checked: DataQuality) -> tuple[Fault, ...]:
     """Return one entry for each kind of fault in a recording."""
     found: list[Fault] = []
     kinds = list(zip(OF_READING, (checked.stuck, checked.outliers), strict=True))
-    kinds += [(f"the {name.replace('_', ' ')} is stuck", masks) for name, masks in checked.stuck_further.items()]
+    kinds += [(f"the {spaced(name)} is stuck", masks) for name, masks in checked.stuck_further.items()]
     for number, experiment in enumerate(checked.experiments):
         for place, record in enumerate(experiment.recordings):
             for fault, masks in kinds:

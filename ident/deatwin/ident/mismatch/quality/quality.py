@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,17 +15,14 @@ from deatwin.ident.greybox.parts import Part, settled
 from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.quality import suspects
 from deatwin.ident.soundness import noise_of_bends, resolution, runs
-from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.checks import experiment_for, require_excitation, require_samples
 from deatwin.plant.datasets import Described, Metadata, several, status_of, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.recording import Experiment, Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.plant.words import spaced
 
 Masks = tuple[tuple[np.ndarray, ...], ...]
 UNSEEN_SHARE = 0.3
@@ -206,7 +203,7 @@ class DataQuality(Described):
         ]
         for what, readings in (("is much noisier than elsewhere", self.bursts), ("is stuck", self.stuck_further)):
             for name, masks in readings.items():
-                found += self._described(masks, f"left out because the {name.replace('_', ' ') or 'reading'} {what}:")
+                found += self._described(masks, f"left out because the {spaced(name) or 'reading'} {what}:")
         if self.unknown:
             found += self._described(
                 self.unknown, "left out because it is unknown when the command changed during a gap in the recording:"
@@ -272,7 +269,7 @@ class DataQuality(Described):
             if where.size:
                 axes.plot(*where, marker, color=colour, markersize=5, label=f"{name}, {where.shape[1]} samples")
         axes.set_xlabel("time of the recordings (s)")
-        axes.set_ylabel(f"reading ({unit})" if unit else "reading")
+        axes.set_ylabel(axis_label("reading", unit))
         axes.set_title(self.soundness.value, fontsize="small", loc="left")
         if any(mask.size for pieces in marked.values() for mask in pieces):
             axes.legend(fontsize="small")

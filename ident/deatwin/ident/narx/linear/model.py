@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import read_only
-from deatwin.ident.narx.covariance import covariance_of
+from deatwin.ident.arguments import keep_read_only, read_only
 from deatwin.ident.narx.drive import require_suits
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
 from deatwin.ident.narx.linear.prediction import lagged, prediction_errors, recursed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
 from deatwin.ident.narx.terms import Term, Variable
-from deatwin.ident.narx.values import set_signals
+from deatwin.ident.narx.values import set_covariance, set_signals, signals_of
 from deatwin.plant.arrays import texts
 from deatwin.plant.datasets import (
     Described,
@@ -69,20 +68,12 @@ def _document(model: LinearModel) -> dict[str, Any]:
 
 def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of the model from a document."""
-    sides = {"input": document["inputs"], "output": document["outputs"]}
-    labels = {
-        f"{side}_{key}s": tuple(str(signal[key]) for signal in signals)
-        for side, signals in sides.items()
-        for key in ("name", "unit")
-    }
     return {
         **{name: document[name] for name in ("a", "c", "d", "theta_cov")},
         **{name: tuple(document[name]) for name in ("b", "f")},
         "offset": float(document["offset"]),
         "noise_variance": float(document["noise_variance"]),
-        "sample_time": float(document["sample_time_s"]),
-        "provenance": {str(key): str(value) for key, value in document["provenance"].items()},
-        **labels,
+        **signals_of(document),
     }
 
 
@@ -160,8 +151,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
 
     def __post_init__(self) -> None:
         m = len(self.b)
-        for name in ("a", "c", "d"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+        keep_read_only(self, "a", "c", "d")
         object.__setattr__(self, "b", tuple(read_only(b) for b in self.b))
         object.__setattr__(self, "f", tuple(read_only(f) for f in self.f or [[1.0]] * m))
         names = ("input",) if m == 1 else tuple(f"input{i}" for i in range(1, m + 1))
@@ -174,12 +164,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
             )
         set_signals(self)
         self.polynomials.require()
-        n = self.theta.size
-        cov = np.asarray(self.theta_cov, dtype=np.float64)
-        object.__setattr__(self, "theta_cov", read_only(cov if cov.size else np.zeros((n, n))))
-        if self.theta_cov.shape != (n, n) or not np.all(np.isfinite(self.theta_cov)):
-            raise ModelError(f"theta_cov must be finite and of shape ({n}, {n}); got {self.theta_cov.shape}")
-        object.__setattr__(self, "theta_cov", covariance_of(self.theta_cov, [f"theta[{i}]" for i in range(n)]))
+        set_covariance(self, self.theta.size)
         if not 0 < self.sample_time < math.inf or not 0 <= self.noise_variance < math.inf:
             raise ModelError(
                 f"sample_time = {self.sample_time} must be positive and finite, "

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,8 @@ from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.plant.arguments import taking
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 _WANTED = (10, 20)  # wanted number of samples to the first minimum

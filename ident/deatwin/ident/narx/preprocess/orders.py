@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import product
 from operator import attrgetter
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,13 +17,9 @@ from deatwin.ident.narx.lags import Lags, lags_anywhere
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.datasets import Described, Metadata, attribute, squared, table_along, variable
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 _BLOCKS = 10  # blocks of the squared errors, whose means show how certain their mean is
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -35,13 +35,9 @@ from deatwin.plant.datasets import (
     table_along,
     variable,
 )
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Statistics = dict[str, tuple[SegmentMeans, ...]]
 _FEWEST_SEGMENTS = 10  # with fewer segments, no order of them is improbable enough to be called non-stationary

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from deatwin.plant.errors import DataError
+from deatwin.plant.files.csvcells import is_number
 from deatwin.plant.files.csvtable import CsvTable, read_bytes
-from deatwin.plant.files.csvtext import decode, is_number
+from deatwin.plant.files.csvtext import decode
 from deatwin.plant.files.dates import moment
 from deatwin.plant.files.formats.table import Declared, Timing
 from deatwin.plant.files.headers import for_name, split_unit

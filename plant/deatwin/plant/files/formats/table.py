@@ -13,6 +13,7 @@ from deatwin.plant.files.headers import said_unit
 from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, Unit, find_unit
 from deatwin.plant.safe_read import clipped
+from deatwin.plant.words import first_of
 
 _SAME_CLOCK = 1e-3  # Relative difference below which two sample times mean the same clock
 _NO_UNITS = ("", "-", "–", "1")  # Entries in a line of units that stand for no unit
@@ -165,9 +166,7 @@ class Table(ABC):
 
     def listing(self) -> str:
         """Return the headers as one text; if there are many, only the first ones."""
-        names = [f'"{self.shown(column)}"' for column in range(len(self.headers))]
-        more = len(names) - _LISTED
-        return ", ".join(names) if more < 1 else f"{', '.join(names[:_LISTED])} and {more} more"
+        return first_of([f'"{self.shown(column)}"' for column in range(len(self.headers))], _LISTED)
 
     def shown(self, column: int) -> str:
         """Return a header for an error text."""

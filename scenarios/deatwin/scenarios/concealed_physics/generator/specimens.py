@@ -24,7 +24,8 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.diaphragm import BALLS, Diaphragm
 from deatwin.plant.simulate import RunStatus
-from deatwin.scenarios.concealed_physics.generator.mechanisms import MECHANISMS, Drive, Mechanism, Reading, Setting
+from deatwin.scenarios.concealed_physics.generator.mechanism import Drive, Mechanism, Reading, Setting
+from deatwin.scenarios.concealed_physics.generator.mechanisms import MECHANISMS
 
 RICH = ("noise", "fast_noise", "noise_and_holds", "multisine", "chirp", "stairs_and_noise", "both_polarities")
 """Each distinguishes mechanisms by itself; holds alone say little of what is fast."""

@@ -1,0 +1,75 @@
+"""Cells of a line of CSV text: how they part, and what each of them is."""
+
+import csv
+import re
+
+from deatwin.plant.files.dates import is_clock, is_date
+from deatwin.plant.safe_read import clipped
+
+BLANKS = " "  # Delimiter that stands for any run of blanks and tabs
+NO_VALUE = frozenset(
+    "|nan|na|n/a|n.a.|null|none|-|--|---|-nan|nan(ind)|-nan(ind)|1.#qnan|-1.#ind"
+    "|#n/a|#div/0!|#num!|#value!|#ref!|#name?|#null!".split("|")
+)
+"""Marks of a missing value, in lower case: nothing, words and dashes, C's numbers that are none, and errors of Excel."""
+COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")  # Mark before a comment, with the blanks around it
+
+
+def is_comment(line: str) -> bool:
+    """Return whether a line begins with ``#``, ``%`` or ``//``."""
+    return COMMENT.match(line) is not None
+
+
+def split_cells(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line without quotes and blanks around them, and without empty ones at its end."""
+    quoted = '"' in line
+    if delimiter == BLANKS:
+        if not quoted:
+            return line.split()
+        line = line.strip().replace("\t", BLANKS)
+    try:
+        parts = (
+            next(csv.reader([line], delimiter=delimiter, skipinitialspace=True)) if quoted else line.split(delimiter)
+        )
+    except csv.Error:  # a cell is too long for the reader, so it is neither number nor name
+        parts = line.split(delimiter)
+    cells = list(map(str.strip, parts))
+    while len(cells) > 1 and not cells[-1]:
+        cells.pop()
+    return cells
+
+
+def formula(cell: str) -> str:
+    """Return the fault of a cell that contains a formula."""
+    return (
+        f'"{clipped(cell)}" is a formula whose value the file does not hold; open it in a spreadsheet program, and save '
+        "it there"
+    )
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number, with decimal point."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell  # which Python accepts between digits
+
+
+def is_value(cell: str) -> bool:
+    """Return whether a cell is a number, with decimal point or comma."""
+    return is_number(cell) or is_number(cell.replace(",", "."))
+
+
+def holds_number(cells: list[str]) -> bool:
+    """Return whether a line contains a number, also with a decimal comma; header lines contain none."""
+    return any(map(is_value, cells))
+
+
+def kind_of_cell(cell: str) -> str:
+    """Return the kind of a cell: empty, number, date, text, or a mixture."""
+    if not cell or is_value(cell):
+        return "number" if cell else ""
+    if is_date(cell) or is_clock(cell):
+        return "date"
+    return "text" if re.search(r"[^\W\d_]", cell) and not any(map(is_value, cell.split())) else "mixture"
