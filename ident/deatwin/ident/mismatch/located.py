@@ -75,7 +75,8 @@ class PlaceSummary:
     """Share of the mismatch that the best effect at a place explains or, if none was tried, its signals predict."""
 
     place: str
-    score: float  # Share of the residual beyond noise, 0 to 1
+    score: float  # Share of the mismatch, 0 to 1
+    effect: str | None = field(default=None, metadata=OPTIONAL)  # Name of that effect; None if none was tried
     signal: str | None = field(default=None, metadata=OPTIONAL)
     log_likelihood_gain: float | None = field(
         default=None, metadata=OPTIONAL
@@ -83,7 +84,7 @@ class PlaceSummary:
     p_value: float | None = field(default=None, metadata=OPTIONAL)  # Of that gain
     explained: float | None = field(
         default=None, metadata=OPTIONAL
-    )  # Share of the mean square that the signals there predict
+    )  # Share of the mismatch that the signals there predict on data to which this was not fitted, 0 to 1
     among_best: bool | None = field(default=None, metadata=OPTIONAL)
 
 

@@ -329,11 +329,15 @@ def _disturbance(diagnosis: Diagnosis) -> list[str]:
     origin = diagnosis.detection.origin
     repeated = origin is None or origin.by == "repeats"
     unlike = "does not repeat with the command" if repeated else "cannot be predicted from command and motion"
-    like = "repeats with the command" if repeated else "can be predicted"
     return [
         f"the mismatch between model and recordings is a disturbance, not missing physics: it {unlike}",
         f"{_left(_shown(diagnosis))} ({_noise(diagnosis)})",
-        "" if origin is None else f"{_part(origin.share)} the mismatch {like}",
+        ""
+        if origin is None
+        else f"{_part(origin.share)} the mismatch repeats with the command"
+        if repeated
+        else f"a regression on command and motion predicts {_part(origin.share)} the mismatch in data to which it was not "
+        "fitted",
     ]
 
 
