@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 
 from deatwin.plant.datasets import variable
+from deatwin.plant.prefixes import time_span
 from deatwin.plant.records import OPTIONAL, key
 
 
@@ -153,7 +154,7 @@ class ReadingLocation:
             return f"{self.reading.replace('_', ' ')}: there is no mismatch beyond sensor noise"
         window = max(self.time, key=lambda one: one.score, default=None)
         band = max(self.frequency, key=lambda one: one.excess_dB, default=None)
-        when = "" if window is None else f"from {window.from_s:.2f} to {window.to_s:.2f} s"
+        when = "" if window is None else f"from {time_span(window.from_s, window.to_s)}"
         where = "" if band is None else f"from {band.from_Hz:.3g} to {band.to_Hz:.3g} Hz"
         return f"{self.reading.replace('_', ' ')}: the mismatch is largest {' and '.join(filter(None, (when, where)))}"
 

@@ -23,7 +23,7 @@ from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import ModelError
-from deatwin.plant.prefixes import prefixed, resolving
+from deatwin.plant.prefixes import prefixed, resolving, time_span
 from deatwin.plant.recording import label
 
 SMALL_SHARE = 0.5
@@ -542,7 +542,7 @@ def _refuted(diagnosis: Diagnosis) -> bool:
 
 def _fault(fault: Fault, many: bool) -> str:
     which = f"recording {fault.recording}" + (f" of experiment {fault.experiment}" if many else "")
-    samples = f"{fault.samples} samples between {fault.from_s:.2f} and {fault.to_s:.2f} s"
+    samples = f"{fault.samples} samples between {time_span(fault.from_s, fault.to_s, between=' and ')}"
     return f"in {which}, {fault.fault} in {samples if fault.samples > 1 else f'one sample, at {fault.from_s:.2f} s'}"
 
 

@@ -21,6 +21,7 @@ from deatwin.plant.datasets import Described, Metadata, several, status_of, vari
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant, require_plant
+from deatwin.plant.prefixes import time_span
 from deatwin.plant.recording import Experiment, Recording
 
 if TYPE_CHECKING:
@@ -218,8 +219,8 @@ class DataQuality(Described):
             for before, after in pairwise(experiment.recordings):
                 if after.start - before.end > before.sample_time:
                     found.append(
-                        f"there are no readings between {before.end:.2f} and {after.start:.2f} s; the last command is "
-                        "assumed to have been held"
+                        f"there are no readings between {time_span(before.end, after.start, between=' and ')}; the last "
+                        "command is assumed to have been held"
                     )
         return tuple(found)
 
@@ -230,9 +231,9 @@ class DataQuality(Described):
             for number, (record, bad) in enumerate(zip(experiment.recordings, marked, strict=True)):
                 if bad.any():
                     where, stretches = record.timepts[bad], runs(bad)
-                    many = f"{where.size} samples between {where[0]:.2f} and {where[-1]:.2f} s"
+                    many = f"{where.size} samples between {time_span(where[0], where[-1], between=' and ')}"
                     if 1 < len(stretches) <= MOST_STRETCHES:
-                        each = (f"{record.timepts[run[0]]:.2f} to {record.timepts[run[-1]]:.2f} s" for run in stretches)
+                        each = (time_span(record.timepts[run[0]], record.timepts[run[-1]]) for run in stretches)
                         many = f"{where.size} samples: {', '.join(each)}"
                     one = f"one sample at {where[0]:.2f} s"
                     found.append(f"{_called(record, number)}: {what} {many if where.size > 1 else one}")
