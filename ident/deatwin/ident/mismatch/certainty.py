@@ -11,6 +11,7 @@ from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.quality.quality import FAULTY_SHARE, FEWEST_FAULTY
 from deatwin.ident.mismatch.result import LEAST_TOLD
 from deatwin.ident.mismatch.say import called, headline, number, spaced
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 
@@ -18,6 +19,7 @@ HARDLY = 0.005
 """Probability that is shown as 0 %."""
 
 
+@checks_its_arguments
 def how_sure(diagnosis: Diagnosis) -> str:
     """State in one line how sure the verdict of a diagnosis is.
 
@@ -36,6 +38,7 @@ def how_sure(diagnosis: Diagnosis) -> str:
     return _LINES[diagnosis.verdict](diagnosis)
 
 
+@checks_its_arguments
 def next_step(diagnosis: Diagnosis) -> str:
     """Say in one line what to do after a verdict.
 

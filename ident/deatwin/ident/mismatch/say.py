@@ -18,6 +18,7 @@ from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.locate.region import BRANCH, RATE, SINCE_REST
 from deatwin.ident.mismatch.located import Band, LocationSummary, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Fault
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.verdict import Cause, Explanation, FittedParameter, Interval, Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.effects.base import Effect
@@ -54,6 +55,7 @@ def risk(share: float) -> str:
     return number(100 * share, 2) if share >= LEAST_RISK else f"below {100 * LEAST_RISK:g}"
 
 
+@checks_its_arguments
 def say(diagnosis: Diagnosis) -> str:
     """Write the conclusion of a diagnosis in plain sentences.
 

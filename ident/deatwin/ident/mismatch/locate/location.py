@@ -19,6 +19,7 @@ from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
 from deatwin.ident.mismatch.located import LinesSummary, LocationSummary, ReadingLocation, ResponseDifference
 from deatwin.ident.mismatch.model_error import error_in
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, attribute, several
 from deatwin.plant.recording import Recording
@@ -133,6 +134,7 @@ def _new_axes(count: int) -> list[Axes]:
     return axes[:count]
 
 
+@checks_its_arguments
 def locate(base: Candidate, problem: DiagnosisProblem, checked: DataQuality, rng: np.random.Generator) -> Location:
     """Locate the mismatch in time, frequency, operating region and part of the plant.
 

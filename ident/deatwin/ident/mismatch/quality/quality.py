@@ -14,6 +14,7 @@ import numpy as np
 from deatwin.ident.greybox.parts import Part, settled
 from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.quality import suspects
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.soundness import noise_of_bends, resolution, runs
 from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.checks import experiment_for, require_excitation, require_samples
@@ -353,6 +354,7 @@ def _listed(
     return given
 
 
+@checks_its_arguments
 def confirm(checked: DataQuality, readings: Sequence[Sequence[np.ndarray]]) -> DataQuality:
     """Keep only those outliers and jumps that also appear in the residual of a calibrated plant.
 
