@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.greybox import Calibration, FitStatus
-from deatwin.ident.mismatch import Candidate
+from deatwin.ident.mismatch import Candidate, DiagnosisProblem
 from deatwin.plant import Plant, Rig
 
 
@@ -17,6 +17,13 @@ def made_fit(plant: Any, residuals: NDArray[np.float64], *names: str, **changed:
     plain = {"covariance": np.eye(len(names)), "jacobian": np.ones((len(residuals), len(names)))}
     ended = {"status": FitStatus.SETTLED, "at_bound": (), "evaluations": 1}
     return Calibration(**{"plant": plant, "names": names, "residuals": residuals, **plain, **ended, **changed})
+
+
+def made_problem(**given: Any) -> DiagnosisProblem:
+    """A diagnosis problem of which a test states only what it needs."""
+    parts = {"fitted": (), "unseen": (), "everything": ()}
+    plain = {"nominal": None, "effects": (), "jobs": 1, "stated_error": 1e-6, "expected_error": 1e-6}
+    return DiagnosisProblem(**{**parts, **plain, **given})
 
 
 def leaving(fitted: float, unseen: float, *effects: str, rig: Rig, noise: float) -> Candidate:

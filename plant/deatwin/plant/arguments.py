@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from functools import wraps
 from inspect import signature
 from os import PathLike
@@ -40,6 +41,36 @@ def taking(**checks: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
     return decorate
 
 
+def as_annotated(sources: Mapping[str, str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator like `taking` that checks arguments by their annotations, for classes of known sources.
+
+    `sources` says of the name of each class which call returns its objects; an error repeats this.
+    """
+
+    def decorate(taker: Callable[P, R]) -> Callable[P, R]:
+        annotations = {name: str(one.annotation) for name, one in signature(taker).parameters.items()}
+        checks = {name: _annotated(text.removesuffix(" | None"), sources) for name, text in annotations.items()}
+        return taking(**{name: check for name, check in checks.items() if check is not None})(taker)
+
+    return decorate
+
+
+def _annotated(annotation: str, sources: Mapping[str, str]) -> Check | None:
+    """Return the check of a class or of a sequence of its objects; None if nothing is known of the annotation."""
+    kind = re.findall(r"\w+", annotation)[-1]  # by its name, because a module may import a class for type checkers only
+    if found := re.fullmatch(r"Sequence\[(.+)\]", annotation):
+        member = _annotated(found[1], sources)
+        return None if member is None else each(member, hint=f": {sources[kind]}")
+    if not re.fullmatch(r"[\w.]+", annotation):
+        return None
+
+    def check(value: Any, name: str) -> None:
+        if kind not in (one.__name__ for one in type(value).__mro__):
+            raise ModelError(f"{name} must be {_with_article(kind)}; got {kind_of(value)}: {sources[kind]}")
+
+    return check if kind in sources else None
+
+
 def require_fields(owner: object, **checks: Check) -> None:
     """Check attributes of an object."""
     for name, check in checks.items():
@@ -57,12 +88,12 @@ def instance(*kinds: type, hint: str = "", error: type[DeatwinError] = ModelErro
     return check
 
 
-def each(check: Check, error: type[DeatwinError] = ModelError) -> Check:
-    """Return a check that applies another check to every member of a sequence."""
+def each(check: Check, error: type[DeatwinError] = ModelError, hint: str = "") -> Check:
+    """Return a check that applies another check to every member of a sequence; `hint` ends the error for another kind."""
 
     def check_all(value: Any, name: str) -> None:
         if not isinstance(value, list | tuple | np.ndarray):
-            raise error(f"{name} must be a list or a tuple; got {kind_of(value)}")
+            raise error(f"{name} must be a list or a tuple; got {kind_of(value)}{hint}")
         for place, member in enumerate(value):
             check(member, f"{name}[{place}]")
 

@@ -38,6 +38,18 @@ def with_unit(value: float, unit: str) -> str:
     return amount(f"{shown / size:.3g}", prefixed_unit)
 
 
+def time_span(first: float, last: float, decimals: int = 2, between: str = " to ") -> str:
+    """Write the ends of a stretch of time, in s, with more decimals if they would look equal, and equal ones once.
+
+    >>> time_span(3.5, 12.25), time_span(3.502, 3.503), time_span(3.5, 3.5)
+    ('3.50 to 12.25 s', '3.502 to 3.503 s', '3.50 s')
+    """
+    while first != last and f"{first:.{decimals}f}" == f"{last:.{decimals}f}" and decimals < MOST_DIGITS:
+        decimals += 1
+    ends = dict.fromkeys(f"{end:.{decimals}f}" for end in (first, last))
+    return f"{between.join(ends)} s"
+
+
 def resolving(low: float, high: float) -> int:
     """Return how many significant digits distinguish the ends of an interval: three, or to the first digit of its
     width.

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from deatwin.plant.amplitudes import amount, amplitude_unit
+from deatwin.plant.prefixes import time_span
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.voice import Progress
 
@@ -49,7 +50,7 @@ def first_words(step: Step, unit: str) -> str:
     if step.name == "locate":
         times = sorted(found["time"], key=lambda window: -window["score"])[:1]
         bands = sorted(found["frequency"], key=lambda band: -band["excess_dB"])[:1]
-        when = [f"from {w['from_s']:.4g} to {w['to_s']:.4g} s" for w in times]
+        when = [f"from {time_span(w['from_s'], w['to_s'], 1)}" for w in times]
         which = [f"from {b['from_Hz']:.3g} to {b['to_Hz']:.3g} Hz" for b in bands]
         return f"location: the mismatch is largest {' and '.join([*when, *which])}" if when or which else ""
     return ""

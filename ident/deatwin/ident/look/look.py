@@ -18,7 +18,7 @@ from deatwin.ident.mismatch.quality.noise import noise_level
 from deatwin.ident.narx.excited import Excitation, excitation
 from deatwin.ident.narx.preprocess import Finding, FindingKind, SamplingChoice, choose_sampling, inspect_recordings
 from deatwin.ident.narx.preprocess.findings import FEWEST
-from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.ident.soundness import resolution
 from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.drawing import Axes, envelope, panels_or_new
@@ -225,9 +225,11 @@ def look_at(recordings: Recordings) -> Look:
     DataError
         If the recording has no input or no output.
     ModelError
-        If `recordings` is empty, or contains anything but recordings and experiments.
+        If `recordings` is empty, or contains anything but recordings and experiments; or if the pieces differ in
+        signals, units or sample time.
     """
     records = flatten(recordings)
+    require_alike(records)
     longest = max(records, key=lambda record: record.n_samples)
     if longest.outputs.shape[0] == 0 or longest.inputs.shape[0] == 0:
         raise DataError(f"{label(longest)}: a recording to look at needs an input and an output")

@@ -11,6 +11,7 @@ from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.quality.quality import FAULTY_SHARE, FEWEST_FAULTY
 from deatwin.ident.mismatch.result import LEAST_TOLD
 from deatwin.ident.mismatch.say import called, headline, number
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.words import spaced
@@ -19,6 +20,7 @@ HARDLY = 0.005
 """Probability that is shown as 0 %."""
 
 
+@checks_its_arguments
 def how_sure(diagnosis: Diagnosis) -> str:
     """State in one line how sure the verdict of a diagnosis is.
 
@@ -37,6 +39,7 @@ def how_sure(diagnosis: Diagnosis) -> str:
     return _LINES[diagnosis.verdict](diagnosis)
 
 
+@checks_its_arguments
 def next_step(diagnosis: Diagnosis) -> str:
     """Say in one line what to do after a verdict.
 
@@ -133,12 +136,20 @@ def _disturbance(diagnosis: Diagnosis) -> str:
     origin = diagnosis.detection.origin
     if origin is None or origin.by == "nothing":
         return _beyond_noise(diagnosis)
-    repeats = origin.by == "repeats"
-    what = "repeats with the command" if repeats else "can be predicted from command and motion"
+    power = f"{_estimated(origin.share)} % of the power of the mismatch"
+    if origin.by == "repeats":
+        found, bound = f"{power} repeats with the command", FOREIGN
+    else:
+        # The limit is that of one regression's predictions; correlations within the fitted data may be larger.
+        found, bound = (
+            f"a regression on command and motion predicts {power} in data to which it was not fitted",
+            UNPREDICTED,
+        )
+    # White noise of changing level is a disturbance by its share alone.
+    judged = "limit" if origin.high < bound else "share"
     return (
-        f"{_estimated(origin.share)} % of the power of the mismatch {what} (upper limit: "
-        f"{_estimated(origin.high)} %), and missing physics is diagnosed only if at least "
-        f"{100 * (FOREIGN if repeats else UNPREDICTED):g} % {'repeats' if repeats else 'can be predicted'}"
+        f"{found} (upper limit: {_estimated(origin.high)} %), and a mismatch counts as a disturbance only if this {judged} is "
+        f"below {100 * bound:g} %"
     )
 
 

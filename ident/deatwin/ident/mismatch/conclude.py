@@ -330,7 +330,7 @@ def _fit_summary(findings: Findings) -> FitSummary:
 
 def _location(findings: Findings) -> LocationSummary | None:
     """Return the location of the mismatch, with places ranked by their best single effect."""
-    # If no effect was tried at a place, its score is the share that an unknown process there explains.
+    # If no effect was tried at a place, its score is the share that its signals predict.
     if findings.location is None:
         return None
     located = findings.location.summary
@@ -338,14 +338,14 @@ def _location(findings: Findings) -> LocationSummary | None:
     place_of = {effect.name: effect.place.value for effect in findings.problem.everywhere}
     base = findings.base.chosen
     missing = max(float(base.losses.mean()) - base.noise**2, 1e-300)
-    shares: dict[str, float] = {}
-    for candidate in findings.naming.candidates:
-        if len(candidate.effects) == 1:
-            place = place_of[candidate.effects[0]]
-            share = float(np.clip((base.losses.mean() - candidate.losses.mean()) / missing, 0.0, 1.0))
-            shares[place] = max(shares.get(place, 0.0), share)
-    for place, share in shares.items():
-        found[place] = replace(found[place], score=share) if place in found else PlaceSummary(place=place, score=share)
+    best: dict[str, Candidate] = {}
+    for candidate in (c for c in findings.naming.candidates if len(c.effects) == 1):
+        place = place_of[candidate.effects[0]]
+        best[place] = min(best.get(place, candidate), candidate, key=lambda c: float(c.losses.mean()))
+    for place, candidate in best.items():
+        share = float(np.clip((base.losses.mean() - candidate.losses.mean()) / missing, 0.0, 1.0))
+        (effect,) = candidate.effects
+        found[place] = replace(found.get(place, PlaceSummary(place=place, score=share)), score=share, effect=effect)
     return replace(located, place=tuple(sorted(found.values(), key=lambda entry: -entry.score)))
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 
 from deatwin.plant.datasets import variable
+from deatwin.plant.prefixes import time_span
 from deatwin.plant.records import OPTIONAL, key
 from deatwin.plant.words import spaced
 
@@ -76,7 +77,8 @@ class PlaceSummary:
     """Share of the mismatch that the best effect at a place explains or, if none was tried, its signals predict."""
 
     place: str
-    score: float  # Share of the residual beyond noise, 0 to 1
+    score: float  # Share of the mismatch, 0 to 1
+    effect: str | None = field(default=None, metadata=OPTIONAL)  # Name of that effect; None if none was tried
     signal: str | None = field(default=None, metadata=OPTIONAL)
     log_likelihood_gain: float | None = field(
         default=None, metadata=OPTIONAL
@@ -84,7 +86,7 @@ class PlaceSummary:
     p_value: float | None = field(default=None, metadata=OPTIONAL)  # Of that gain
     explained: float | None = field(
         default=None, metadata=OPTIONAL
-    )  # Share of the mean square that the signals there predict
+    )  # Share of the mismatch that the signals there predict on data to which this was not fitted, 0 to 1
     among_best: bool | None = field(default=None, metadata=OPTIONAL)
 
 
@@ -153,7 +155,7 @@ class ReadingLocation:
             return f"{spaced(self.reading)}: there is no mismatch beyond sensor noise"
         window = max(self.time, key=lambda one: one.score, default=None)
         band = max(self.frequency, key=lambda one: one.excess_dB, default=None)
-        when = "" if window is None else f"from {window.from_s:.2f} to {window.to_s:.2f} s"
+        when = "" if window is None else f"from {time_span(window.from_s, window.to_s)}"
         where = "" if band is None else f"from {band.from_Hz:.3g} to {band.to_Hz:.3g} Hz"
         return f"{spaced(self.reading)}: the mismatch is largest {' and '.join(filter(None, (when, where)))}"
 

@@ -15,6 +15,7 @@ from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.quality.noise import noise_level, noise_levels
 from deatwin.ident.mismatch.quality.quality import DataQuality, by_experiment, split
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base, enough_stages
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.soundness import noise_of_bends
 from deatwin.plant.effects.base import Alone, Effect, require_effects
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
@@ -26,6 +27,7 @@ Levels = tuple[tuple[np.ndarray, ...], ...]
 """Relative level of the noise at each sample of each recording of each experiment."""
 
 
+@checks_its_arguments
 def prepare(
     plant: Plant, checked: DataQuality, effects: Sequence[Effect] | None = None, *, jobs: int = 1
 ) -> tuple[DiagnosisProblem, Base]:

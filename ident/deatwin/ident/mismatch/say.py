@@ -18,12 +18,13 @@ from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.locate.region import BRANCH, RATE, SINCE_REST
 from deatwin.ident.mismatch.located import Band, LocationSummary, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Fault
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.verdict import Cause, Explanation, FittedParameter, Interval, Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import ModelError
-from deatwin.plant.prefixes import prefixed, resolving
+from deatwin.plant.prefixes import prefixed, resolving, time_span
 from deatwin.plant.recording import label
 from deatwin.plant.words import as_sentence, listed, spaced
 
@@ -55,6 +56,7 @@ def risk(share: float) -> str:
     return number(100 * share, 2) if share >= LEAST_RISK else f"below {100 * LEAST_RISK:g}"
 
 
+@checks_its_arguments
 def say(diagnosis: Diagnosis) -> str:
     """Write the conclusion of a diagnosis in plain sentences.
 
@@ -325,11 +327,15 @@ def _disturbance(diagnosis: Diagnosis) -> list[str]:
     origin = diagnosis.detection.origin
     repeated = origin is None or origin.by == "repeats"
     unlike = "does not repeat with the command" if repeated else "cannot be predicted from command and motion"
-    like = "repeats with the command" if repeated else "can be predicted"
     return [
         f"the mismatch between model and recordings is a disturbance, not missing physics: it {unlike}",
         f"{_left(_shown(diagnosis))} ({_noise(diagnosis)})",
-        "" if origin is None else f"{_part(origin.share)} the mismatch {like}",
+        ""
+        if origin is None
+        else f"{_part(origin.share)} the mismatch repeats with the command"
+        if repeated
+        else f"a regression on command and motion predicts {_part(origin.share)} the mismatch in data to which it was not "
+        "fitted",
     ]
 
 
@@ -534,5 +540,5 @@ def _refuted(diagnosis: Diagnosis) -> bool:
 
 def _fault(fault: Fault, many: bool) -> str:
     which = f"recording {fault.recording}" + (f" of experiment {fault.experiment}" if many else "")
-    samples = f"{fault.samples} samples between {fault.from_s:.2f} and {fault.to_s:.2f} s"
+    samples = f"{fault.samples} samples between {time_span(fault.from_s, fault.to_s, between=' and ')}"
     return f"in {which}, {fault.fault} in {samples if fault.samples > 1 else f'one sample, at {fault.from_s:.2f} s'}"

@@ -48,8 +48,8 @@ def require_alike(recordings: Sequence[Recording]) -> None:
                 continue
             differs = ", ".join(apart)
         raise ModelError(
-            f"{label(first)} and {label(record)}: {differs}; one model needs the same inputs, outputs, units and "
-            "sample time in all recordings"
+            f"{label(first)} and {label(record)}: {differs}; recordings that are used together need the same inputs, "
+            "outputs, units and sample time"
         )
 
 

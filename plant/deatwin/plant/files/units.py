@@ -382,18 +382,28 @@ _SIGNS = str.maketrans(
 )
 
 
+_TEN_TO = re.compile(
+    r"(?:[x×*·]\s*)?(?P<base>1[eE]|10\s*(?:\^|\*\*)\s*[({]?\s*|10(?=[-−]))(?P<power>[-+−]?\d+)\s*[)}]?\s*[x×*·]?\s*"
+    r"(?P<unit>[^\W\d].*)"
+)
+"""Unit behind a power of ten, such as ``10^-3 m``, ``10⁻³ m`` or ``1e-3 m``."""
+_RAISED = re.compile("10([⁺⁻]?[⁰¹²³⁴-⁹]+)")
 _DIRECT = re.compile(r"(?<=[VA])\s*(?:DC|dc)$")  # Behind the unit of a direct voltage or current
 FULL_WIDTH = str.maketrans("（）［］", "()[]")  # Brackets among Chinese and Japanese characters
 
 
 def find_unit(text: str) -> str:
     """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names."""
-    bare = unicodedata.normalize("NFKC", text.strip().replace("º", "°"))  # full width, ㎜, U+00B5 and the like
-    if bare[:1] + bare[-1:] in ("()", "[]"):
+    raised = _RAISED.sub(r"10^\1", text.strip())
+    bare = unicodedata.normalize("NFKC", raised.replace("º", "°"))  # full width, ㎜, U+00B5 and the like
+    if in_brackets := bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()
     bare = _DIRECT.sub("", bare)
     if bare in _SYMBOLS:
         return bare
+    match = _TEN_TO.fullmatch(bare)
+    if match and (in_brackets or match["base"][0:2] == "10"):  # without brackets, 1e-3 m is a reading
+        return _with_power(int(match["power"].replace("−", "-")), find_unit(match["unit"]))
     if bare == "L":
         return ""  # L means left more often than litres
     plain = re.sub(r"(?<=[A-Za-z])[.-](?=[A-Za-z])", " ", bare.replace("**", "").translate(_SIGNS))
@@ -406,6 +416,19 @@ def find_unit(text: str) -> str:
             for symbol, power in _powers(_spelled(factor)).items():
                 symbols[_spelled(symbol)] += sign * power
     return _known(symbols)
+
+
+def _with_power(power: int, unit: str) -> str:
+    """Return the unit that is a power of ten of another one; empty if there is none of that name."""
+    prefix = next((letter for letter, own in _POWERS.items() if own == power), "")
+    named = find_unit(prefix + unit) if prefix and unit else ""
+    if not named:
+        return ""
+    # Some names have another meaning: m and in make a minute.
+    scaled, plain = UNITS[named], UNITS[unit]
+    ratio = scaled.numerator * plain.denominator / (scaled.denominator * plain.numerator)
+    same = scaled.si == plain.si and scaled.shift == plain.shift == 0.0
+    return named if same and math.isclose(ratio, 10.0**power, rel_tol=1e-12) else ""
 
 
 def _spelled(symbol: str) -> str:

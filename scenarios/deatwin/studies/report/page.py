@@ -6,9 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 from deatwin.ident.mismatch import Diagnosis, LocationSummary
-from deatwin.ident.mismatch.certainty import how_sure, next_step, percent
+from deatwin.ident.mismatch.certainty import HARDLY, how_sure, next_step, percent
 from deatwin.ident.mismatch.say import at_body, called, or_listed, ranked, unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
+from deatwin.plant.effects.titles import effects_in_words
 from deatwin.plant.words import spaced
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.figures import LEAST_SHARE, drawings
@@ -20,7 +21,7 @@ MOST_LINES = 6
 STATISTICS = {
     "variance ratio": "mean square of the residual, divided by that of noise and model error",
     "cumulative periodogram": "distance of the cumulative periodogram from that of noise",
-    "correlation with the command": "correlation of the residual with command or time",
+    "correlation with the command": "largest correlation of the residual with command or time",
     "correlation of the square": "correlation of the squared residual with command or time",
 }
 """Statistics of the residual in words, by their names in the file."""
@@ -104,19 +105,12 @@ def _places(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
         name = at_body(spaced(": ".join(filter(None, (place.place, place.signal)))), diagnosis)
         name = "a parameter of the model" if name == "parameter" else name
         shares = {"predicted from signals": place.explained}
-        if place.explained is None or _has_effect(place.place, diagnosis):
-            shares = {"explained by an effect": place.score, **shares}
+        if place.explained is None or place.effect is not None:
+            best = "any effect" if place.score < HARDLY else effects_in_words(place.effect or "an effect")
+            shares = {f"explained by {best}": place.score, **shares}
         known = {what: max(share, 0.0) for what, share in shares.items() if share is not None}
         rows.append((max(known.values()), name, [f"{100 * share:.0f} % {what}" for what, share in known.items()]))
     return [(name, shares) for _, name, shares in sorted(rows, key=lambda row: -row[0])]
-
-
-def _has_effect(place: str, diagnosis: Diagnosis) -> bool:
-    """Return whether an effect at a place was tried alone."""
-    if diagnosis.findings is None:
-        return True
-    alone = {one.effects[0] for one in diagnosis.candidates if len(one.effects) == 1}
-    return any(effect.name in alone for effect in diagnosis.findings.problem.everywhere if effect.place.value == place)
 
 
 def _signal_units(diagnosis: Diagnosis) -> dict[str, str]:

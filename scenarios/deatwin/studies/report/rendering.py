@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.say import ends, risk
 from deatwin.plant.effects.titles import effects_in_words
+from deatwin.plant.prefixes import time_span
 from deatwin.plant.words import as_sentence
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord, versions
@@ -115,7 +116,7 @@ def templates(package: str) -> Environment:
         "plain": effects_in_words,
         "ends": ends,
     }
-    environment.filters |= {"quantity": quantity, "raised": raised, "sentence": as_sentence}
+    environment.filters |= {"quantity": quantity, "raised": raised, "sentence": as_sentence, "time_span": time_span}
     environment.finalize = unbroken
     return environment
 

@@ -66,7 +66,7 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
                 (WIDTH, 4.2),
                 "Signals that predict the mismatch",
                 "Share of the mismatch that a regression predicts from the signals at each place of the measuring chain, "
-                "without any physics.",
+                "without any physics, on data to which it was not fitted.",
                 lambda figure: location.place.plot(figure.add_subplot()),
             )
         if (lines := location.lines) is not None:

@@ -1,6 +1,7 @@
 """A look at recordings whose contents are known from how they were made."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,8 @@ from deatwin.ident.look import look_at
 from deatwin.ident.look.inputs import InputShape, pattern_of
 from deatwin.ident.look.link import LinkStatus, links_of
 from deatwin.ident.narx.excited import excitation
-from deatwin.ident.narx.preprocess import FindingKind
-from deatwin.plant import DataError, Recording
+from deatwin.ident.narx.preprocess import FindingKind, choose_sampling
+from deatwin.plant import DataError, ModelError, Recording
 
 STEP = 0.01
 TIMES = STEP * np.arange(2000)
@@ -79,6 +80,14 @@ def test_link_dead_time_and_noise() -> None:
     reading = next(channel for channel in found.channels if channel.role == "output")
     # "At most": of 2e-5 m; the motion that reaches the top of the spectrum, where the plant lets a ninth through, adds.
     assert reading.noise is not None and 2e-5 < reading.noise < 4e-5
+
+
+def test_pieces_with_different_clocks_are_refused() -> None:
+    one = late(np.random.default_rng(1))
+    for pieces in ([one, replace(one, sample_time=2 * STEP)], [one, replace(one, output_units=("V",))]):
+        for used in (look_at, choose_sampling):
+            with pytest.raises(ModelError, match="need the same inputs, outputs, units and sample time"):
+                used(pieces)
 
 
 def test_an_even_plant_is_linked_by_the_square() -> None:

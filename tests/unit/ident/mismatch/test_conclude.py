@@ -8,6 +8,7 @@ import pytest
 
 from deatwin.ident.greybox import Part
 from deatwin.ident.mismatch import Verdict, conclude
+from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
 from deatwin.plant import Creep, Diaphragm, Experiment, Hysteresis, Plant, Recording, SensorDrift, SensorJump
 from deatwin.plant.effects.catalogue import effect_named
 
@@ -53,6 +54,28 @@ def test_an_event_that_unseen_data_placed_is_said(at, causes, said):
     )
     found = list(conclude._placed_unseen(findings))
     assert [text.startswith("sensor_jump.at was fitted to held-out data") for text in found] == [True] * said
+
+
+def test_a_place_is_listed_with_its_best_effect():
+    effects = (Creep(), SensorDrift(), SensorDrift().placed("command_gain"), SensorDrift().placed("command"))
+    _, drift, gain, offset = (effect.name for effect in effects)
+    tried = [candidate(drift, rms=9.0), candidate(gain, rms=2.4), candidate(offset, rms=2.8), candidate(rms=10.0)]
+    predicted = PlaceSummary(place="film", score=0.7, explained=0.7)
+    located = LocationSummary(time=(), frequency=(), region=(), place=(predicted,))
+    findings = SimpleNamespace(
+        location=SimpleNamespace(summary=located),
+        problem=SimpleNamespace(everywhere=effects),
+        base=SimpleNamespace(chosen=BASE, noise=2.0),
+        naming=SimpleNamespace(candidates=tried),
+    )
+    found = conclude._location(findings)
+    rows = [(place.place, place.effect, place.score) for place in found.place]
+    # shares of the power beyond noise, 100 - 4
+    assert rows == [
+        ("drive", gain, pytest.approx((100 - 2.4**2) / 96)),
+        ("film", None, 0.7),
+        ("sensor", drift, pytest.approx((100 - 81) / 96)),
+    ]
 
 
 @pytest.mark.parametrize("verdict", [Verdict.AMBIGUOUS, Verdict.PARTLY])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from foreign_models import Motor
 
-from deatwin.ident.mismatch import check_quality, confirm, detect, diagnose, linearised_responses, prepare
+from deatwin.ident.mismatch import DataQuality, check_quality, confirm, detect, diagnose, linearised_responses, prepare
 from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.prepare import _motion, effects_for
 from deatwin.ident.mismatch.refit.base import Base
@@ -28,6 +28,8 @@ from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler
 
 NOMINAL = Plant(rig=Diaphragm())
+UNREAD = object.__new__(DataQuality)
+"""Recordings at which a test does not look."""
 
 
 def test_the_motion_is_the_same_into_however_many_records_it_is_cut():
@@ -89,7 +91,7 @@ def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
         monkeypatch.setattr(
             module, "_problem_of", lambda *given, later=later: part(first) if len(given) == 4 else later
         )
-        prepare(NOMINAL, None, ())
+        prepare(NOMINAL, UNREAD, ())
         assert len(asked) == times
 
 
@@ -131,4 +133,4 @@ def test_the_public_steps_one_by_one_find_what_a_diagnosis_does():
 
 def test_what_is_no_effect_is_refused():
     with pytest.raises(RigError, match=r"'creep' is not an effect: .*effect_named"):
-        prepare(NOMINAL, None, [Creep(), "creep"])
+        prepare(NOMINAL, UNREAD, [Creep(), "creep"])

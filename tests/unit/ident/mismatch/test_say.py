@@ -530,6 +530,20 @@ def test_an_estimate_below_nothing_is_said_as_nothing():
     assert " None of the mismatch repeats with the command." in DIAGNOSES["disturbance, all of it"].sentence
 
 
+def test_without_repeats_a_share_is_said_to_be_that_of_a_regression_on_other_data():
+    """A correlation within the fitted data may be larger than what a regression predicts elsewhere."""
+    origin = replace(ORIGIN, by="prediction", share=0.001, high=0.004)
+    found = replace(DIAGNOSES["disturbance"], detection=replace(DETECTED, origin=origin))
+    unseen = "in data to which it was not fitted"
+    assert say(found).endswith(f" A regression on command and motion predicts none of the mismatch {unseen}.")
+    assert how_sure(found) == (
+        f"a regression on command and motion predicts 0.1 % of the power of the mismatch {unseen} (upper limit: 0.4 %), and a "
+        "mismatch counts as a disturbance only if this limit is below 10 %"
+    )
+    white = replace(found, detection=replace(DETECTED, origin=replace(origin, high=0.15)))
+    assert "(upper limit: 15 %), and a mismatch counts as a disturbance only if this share is below" in how_sure(white)
+
+
 def test_every_effect_of_the_catalogue_can_be_said():
     rng = np.random.default_rng(1)
     for effect in catalogue():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
-from deatwin.ident.narx.preprocess import DeadTimeStatus, decimate, estimate_dead_time, lags_after
+from deatwin.ident.narx.preprocess import DeadTime, DeadTimeStatus, decimate, estimate_dead_time, lags_after
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -81,6 +81,20 @@ def test_each_of_several_inputs_has_its_own():
     assert [one.input_name for one in found] == ["u1", "u2", "u3"]
     assert found[2].status is DeadTimeStatus.CONSTANT and "constant" in str(found[2])
     assert lags_after(found, 2) == tuple(sorted({*range(found[0].interval[0], 5), *range(found[1].interval[0], 32)}))
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 1), (1, 1), (0, 4), (1, 4), (3, 6)])
+def test_lags_reach_beyond_the_longest_dead_time_of_the_interval(low, high):
+    found = DeadTime(
+        input_name="u",
+        output_name="y",
+        sample_time=0.1,
+        status=DeadTimeStatus.FOUND,
+        probability=0.95,
+        probabilities=[float(low <= lag <= high) / (high - low + 1) for lag in range(10)],
+    )
+    assert found.interval == (low, high)
+    assert lags_after([found], 3) == tuple(range(max(low, 1), high + 3))
 
 
 def test_recordings_are_taken_together_and_their_ends_do_not_meet():

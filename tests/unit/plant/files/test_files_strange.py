@@ -343,8 +343,10 @@ def test_a_layout_that_would_mislead_is_named(tmp_path: Path, lines: list[str], 
 
 
 def test_a_line_of_units_may_hold_powers_of_ten(tmp_path: Path) -> None:
-    (tmp_path / "r.csv").write_text("\n".join(["time,cmd,laser", "s,V,10^-3 m", *ROWS, ""]), encoding="utf-8")
-    found = read_recording(tmp_path / "r.csv", input_column="cmd", output_column="laser")
-    assert (found.input_units, found.output_units) == (("V",), ("10^-3 m",))
+    for power, unit, size in ((-3, "m", 1e-3), (-5, "10^-5 m", 1.0)):  # no prefix stands for the second power
+        (tmp_path / "r.csv").write_text("\n".join(["time,cmd,laser", f"s,V,10^{power} m", *ROWS, ""]), encoding="utf-8")
+        found = read_recording(tmp_path / "r.csv", input_column="cmd", output_column="laser")
+        assert (found.input_units, found.output_units) == (("V",), (unit,))
+        np.testing.assert_allclose(found.outputs[0], size * np.round(Y, 4), rtol=1e-12)
     (tmp_path / "r.csv").write_text("\n".join([HEAD, "x1,X 1.0,x1", *ROWS, ""]), encoding="utf-8")
     assert read_recording(tmp_path / "r.csv").outputs[0, 0] == pytest.approx(5e-3)

@@ -1,11 +1,13 @@
 """Which unit a header names."""
 
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import constants
 
+from deatwin.plant import read_recording
 from deatwin.plant.files.headers import said_unit, split_unit
 from deatwin.plant.files.units import UNITS, find_unit
 
@@ -257,6 +259,41 @@ def test_the_voltage_of_a_node_is_in_no_inches() -> None:
         assert split_unit(header) == (header, "") and said_unit(header) == ""
     assert split_unit("V(mV)") == ("V", "mV") and split_unit("I(A)") == ("I", "A")
     assert split_unit("V (ml)") == ("V", "ml") and split_unit("Vin(in)") == ("Vin", "inch")
+
+
+@pytest.mark.parametrize(
+    ("written", "unit"),
+    [
+        *((one, "mm") for one in ("10^-3 m", "10^{-3} m", "10^(-3)·m", "10**-3 m", "10⁻³ m", "10−3 m", "×10^-3 m")),
+        ("10^3 V", "kV"),
+        ("10³V", "kV"),
+        ("10^-6 m/s", "um/s"),
+        ("10^-2 m", "cm"),
+        ("10^-5 m", ""),  # without a prefix
+        ("10^-3 in", ""),  # no minute
+        ("10^-3 m^2", ""),  # (mm)² would be a millionth
+        ("10^-3 °C", ""),
+        ("10^-3 counts", ""),
+        ("10 m", ""),
+    ],
+)
+def test_a_power_of_ten_is_a_prefix(written: str, unit: str) -> None:
+    assert find_unit(written) == find_unit(f"[{written}]") == unit
+    if unit:
+        assert split_unit(f"Weg [{written}]") == ("Weg", unit)
+
+
+def test_a_reading_with_its_unit_is_no_power_of_ten() -> None:
+    assert (find_unit("1e-3 m"), find_unit("(1e-3 m)"), find_unit("(1E-3 m)")) == ("", "mm", "mm")
+
+
+def test_a_column_in_a_power_of_ten_is_converted(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(
+        "time (s),command (V),displacement (10^-3 m)\n" + "".join(f"{k / 10},{k % 3},{k % 5}\n" for k in range(30))
+    )
+    record = read_recording(tmp_path / "a.csv")
+    assert record.output_units == ("m",) and record.output_names == ("displacement",)
+    assert record.outputs[0, :5].tolist() == [0.0, 0.001, 0.002, 0.003, 0.004]
 
 
 def test_a_scale_is_no_unit() -> None:

@@ -28,6 +28,7 @@ from deatwin.ident.mismatch.advise.sensors import Prices, prices
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE
 from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.parameters import Parameter
 
@@ -55,6 +56,7 @@ HEAVIER = 2.0
 """Ratio of the load with the added mass to the load without it."""
 
 
+@checks_its_arguments
 def advise(
     problem: DiagnosisProblem,
     alternatives: Sequence[Candidate],

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import Part, simulated
+from deatwin.ident.greybox.parts import Part, level_of, simulated
 from deatwin.ident.greybox.problem import Problem, Response
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.ident.mismatch.advise.distance import Memory, directions, distance_squared
@@ -23,6 +23,10 @@ from deatwin.plant.recording import Experiment, Recording
 
 DRAWS = 2
 """Number of plants that are drawn from each posterior, besides the fitted one."""
+LINEAR = 0.5
+"""Largest error of the first-order change of the readings, relative to this change, for a plant that is drawn."""
+HALVED = 8
+"""Largest number of times a draw is halved until its first-order change of the readings is accurate enough."""
 STEPS = 2
 """Number of steps of an alternative's refit with simulations; there are many refits."""
 NEAREST = 2
@@ -61,7 +65,7 @@ class Question:
             fits=tuple(fits),
             noise=noise,
             pairs=pairs,
-            shifts=tuple((np.zeros(len(fit.names)), *_draws(problem, fit, rng)) for fit in fits),
+            shifts=tuple((np.zeros(len(fit.names)), *_draws(problem, fit, noise, rng)) for fit in fits),
             memories=tuple(Memory.of(fits[truth], fits[alternative], problem.fitted) for truth, alternative in pairs),
             seed=int(rng.integers(2**32)),
         )
@@ -261,15 +265,31 @@ def _distance(
     return distance_squared(truth, alternative, parts, noise, memory=memory, steps=STEPS, response=response)
 
 
-def _draws(problem: DiagnosisProblem, fit: Calibration, rng: np.random.Generator) -> list[np.ndarray]:
-    """Draw differences of coordinates from the covariance, within the physical range."""
+def _draws(problem: DiagnosisProblem, fit: Calibration, noise: float, rng: np.random.Generator) -> list[np.ndarray]:
+    """Draw differences of coordinates from the covariance, within the physical range and the range of the first order."""
     fitting = Problem(plant=fit.plant, parts=(), names=fit.names)
     start, (lower, upper) = fitting.start(), fitting.bounds()
     variances, axes = np.linalg.eigh(fit.covariance)
     root = axes * np.sqrt(np.maximum(variances, 0.0))
     probe = np.repeat(used_range(problem.everything), PROBE)
     shifts = [np.clip(start + root @ rng.standard_normal(start.size), lower, upper) - start for _ in range(DRAWS)]
+    shifts = [near for shift in shifts if (near := _in_first_order(problem, fit, shift, noise)) is not None]
     return [shift for shift in shifts if bears(_moved(fit, shift), probe, 0.0, headroom=1.0)]
+
+
+def _in_first_order(problem: DiagnosisProblem, fit: Calibration, shift: np.ndarray, noise: float) -> np.ndarray | None:
+    """Halve a shift until its first-order change of the fitted readings is accurate; None if it never is."""
+    # A covariance is a first-order result. Where parameters are hardly known, a draw may lie so far away that its plant
+    # contradicts the recordings; alternatives are then not refitted to it in a few steps, and seem to be distinguished.
+    before, level = simulated(fit.plant, problem.fitted), level_of(problem.fitted)
+    for halved in 0.5 ** np.arange(1 + HALVED):
+        change, after = fit.jacobian @ (halved * shift), simulated(_moved(fit, halved * shift), problem.fitted)
+        if before is None or after is None:
+            continue
+        error = np.linalg.norm((after - before) / level - change)
+        if error <= max(LINEAR * np.linalg.norm(change), noise):  # an error of this length is within the noise
+            return np.asarray(halved * shift)
+    return None
 
 
 def _moved(fit: Calibration, shift: np.ndarray) -> Plant:

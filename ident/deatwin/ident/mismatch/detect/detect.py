@@ -24,6 +24,7 @@ from deatwin.ident.mismatch.quality.noise import noise_level
 from deatwin.ident.mismatch.quality.repeats import find_repeats, repeatability
 from deatwin.ident.mismatch.refit.search import finish, refit, roughly
 from deatwin.ident.mismatch.result import Statistic
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.plant.effects.delay import Delay
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ POINTS = 400
 """Largest number of points of a drawn curve."""
 
 
+@checks_its_arguments
 def detect(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Detection:
     """Test whether physics is missing from a calibrated plant.
 

@@ -29,6 +29,7 @@ from deatwin.ident.mismatch.discover.sparse import Stable, stable_terms
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import Power, Primitive
@@ -50,6 +51,7 @@ SIGNIFICANT = 2.0
 """Smallest ratio of a coefficient to its standard deviation at which the term is kept."""
 
 
+@checks_its_arguments
 def discover(
     problem: DiagnosisProblem, base: Candidate, rng: np.random.Generator, *, place: Opening | None = None
 ) -> Discovery | None:

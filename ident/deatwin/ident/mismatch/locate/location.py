@@ -22,6 +22,7 @@ from deatwin.ident.mismatch.model_error import error_in
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.quality.quality import DataQuality
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, attribute, several
 from deatwin.plant.drawing import Axes
@@ -130,6 +131,7 @@ def _new_axes(count: int) -> list[Axes]:
     return axes[:count]
 
 
+@checks_its_arguments
 def locate(base: Candidate, problem: DiagnosisProblem, checked: DataQuality, rng: np.random.Generator) -> Location:
     """Locate the mismatch in time, frequency, operating region and part of the plant.
 

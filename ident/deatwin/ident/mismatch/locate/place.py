@@ -58,7 +58,7 @@ class OpenedPlace:
             signal=self.signal,
             log_likelihood_gain=self.gain,
             p_value=self.p_value,
-            explained=self.explained,
+            explained=self.score,
             among_best=self.among_best,
         )
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.ident.greybox.parts import row_of, settled
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -30,6 +31,7 @@ class Track:
     sample_time: float
 
 
+@checks_its_arguments
 def readings(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -> tuple[tuple[np.ndarray, ...], ...]:
     """Simulate a plant through experiments, and return one of its readings.
 

@@ -18,6 +18,7 @@ from deatwin.ident.mismatch.naming.trial import Fitted
 from deatwin.ident.mismatch.naming.tried import CLEARLY_BETTER, Finished, Names
 from deatwin.ident.mismatch.naming.variants import in_variant, with_fewer
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 
 MOST_CAUSES = 3
 """Largest number of effects in an explanation; larger sets cannot be distinguished."""
@@ -25,6 +26,7 @@ _InVariant = tuple[Search, list[Names], Naming]
 """Search in one rig variant, the single effects tried there, and the decision among them."""
 
 
+@checks_its_arguments
 def name_causes(
     problem: DiagnosisProblem,
     base: Candidate,

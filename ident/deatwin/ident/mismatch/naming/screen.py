@@ -14,8 +14,9 @@ from deatwin.ident.greybox.parts import Part, first_only, level_of, motion_of, r
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.parallel import run_jobs
-from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.effects.base import Effect, Place, require_effects
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Scale
 
@@ -75,6 +76,7 @@ class Lead:
     left: float = 0.0
 
 
+@checks_its_arguments
 def linearised_responses(
     problem: DiagnosisProblem,
     base: Calibration,
@@ -104,7 +106,7 @@ def linearised_responses(
         Responses in the order of `effects`, several for each effect. Parameter values with which the plant cannot be
         simulated are omitted.
     """
-    jobs = [(base, effect, problem.fitted, fit) for effect in effects]
+    jobs = [(base, effect, problem.fitted, fit) for effect in require_effects(effects)]
     found = run_jobs(_of_effect, jobs, workers=problem.jobs, finished=finished)
     return tuple(itertools.chain.from_iterable(found))
 

@@ -14,6 +14,7 @@ import numpy as np
 from deatwin.ident.greybox.parts import Part, settled
 from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.quality import suspects
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.soundness import noise_of_bends, resolution, runs
 from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.checks import experiment_for, require_excitation, require_samples
@@ -21,6 +22,7 @@ from deatwin.plant.datasets import Described, Metadata, several, status_of, vari
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant, require_plant
+from deatwin.plant.prefixes import time_span
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.words import spaced
 
@@ -215,8 +217,8 @@ class DataQuality(Described):
             for before, after in pairwise(experiment.recordings):
                 if after.start - before.end > before.sample_time:
                     found.append(
-                        f"there are no readings between {before.end:.2f} and {after.start:.2f} s; the last command is "
-                        "assumed to have been held"
+                        f"there are no readings between {time_span(before.end, after.start, between=' and ')}; the last "
+                        "command is assumed to have been held"
                     )
         return tuple(found)
 
@@ -227,9 +229,9 @@ class DataQuality(Described):
             for number, (record, bad) in enumerate(zip(experiment.recordings, marked, strict=True)):
                 if bad.any():
                     where, stretches = record.timepts[bad], runs(bad)
-                    many = f"{where.size} samples between {where[0]:.2f} and {where[-1]:.2f} s"
+                    many = f"{where.size} samples between {time_span(where[0], where[-1], between=' and ')}"
                     if 1 < len(stretches) <= MOST_STRETCHES:
-                        each = (f"{record.timepts[run[0]]:.2f} to {record.timepts[run[-1]]:.2f} s" for run in stretches)
+                        each = (time_span(record.timepts[run[0]], record.timepts[run[-1]]) for run in stretches)
                         many = f"{where.size} samples: {', '.join(each)}"
                     one = f"one sample at {where[0]:.2f} s"
                     found.append(f"{_called(record, number)}: {what} {many if where.size > 1 else one}")
@@ -349,6 +351,7 @@ def _listed(
     return given
 
 
+@checks_its_arguments
 def confirm(checked: DataQuality, readings: Sequence[Sequence[np.ndarray]]) -> DataQuality:
     """Keep only those outliers and jumps that also appear in the residual of a calibrated plant.
 

@@ -24,6 +24,7 @@ from deatwin.ident.mismatch.refit.search import (
     roughly,
     settle,
 )
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.datasets import Described, Metadata, several
 from deatwin.plant.errors import SimulationError
@@ -136,6 +137,7 @@ class Base(Described):
         return draw_base(self, ax)
 
 
+@checks_its_arguments
 def calibrate_base(problem: DiagnosisProblem) -> Base:
     """Calibrate the base plant, if necessary in every possible interpretation of the rig file.
 

@@ -20,6 +20,7 @@ from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.fitted import fitted_effect
 from deatwin.ident.mismatch.refit.search import refit, settle
 from deatwin.ident.mismatch.result import Ablation
+from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.verify.constancy import Constancy, constancies
 from deatwin.ident.mismatch.verify.placebos import Placebo, placebo_effects
 from deatwin.ident.mismatch.verify.transfer import transfers
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from deatwin.ident.greybox.fit import Calibration
 
 
+@checks_its_arguments
 def verify(
     base: Candidate,
     amended: Candidate,

@@ -221,16 +221,16 @@ def estimate_dead_time(
 def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
     """Return input lags for a model from the dead-time interval of each input.
 
-    A dead-time interval from ``low`` to ``high`` samples gives the lags ``low`` to ``high + count - 1``. The lags are 1
-    to `count` instead if ``low`` is at most 1, if the dead time is unknown, or if several dead times fit equally well.
-    If feedback is suspected, the lags 1 to `count` are added to those of the interval.
+    A dead-time interval from ``low`` to ``high`` samples gives the lags ``low`` to ``high + count - 1``; a dead time of
+    0 counts as one of 1. The lags are 1 to `count` if the dead time is unknown, or if several dead times fit equally
+    well. If feedback is suspected, the lags 1 to `count` are added to those of the interval.
 
     Parameters
     ----------
     dead_times : sequence of DeadTime
         Dead time of each input. Constant inputs are ignored.
     count : int
-        Number of lags from ``high`` on, or from 1 on; the first one is included.
+        Number of lags from ``high`` on; the first one is included.
 
     Returns
     -------
@@ -241,9 +241,10 @@ def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
     for one in dead_times:
         if one.status is DeadTimeStatus.CONSTANT:
             continue
-        low, high = one.interval if one.interval and one.status is not DeadTimeStatus.ALIKE else (1, 1)
-        lags |= set(range(low, high + count)) if low > 1 else set()
-        lags |= set(range(1, count + 1)) if low <= 1 or one.status is DeadTimeStatus.LOOP else set()
+        interval = one.interval if one.interval and one.status is not DeadTimeStatus.ALIKE else (1, 1)
+        low, high = (max(1, end) for end in interval)
+        lags |= set(range(low, high + count))
+        lags |= set(range(1, count + 1)) if one.status is DeadTimeStatus.LOOP else set()
     return tuple(sorted(lags or range(1, count + 1)))
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import read_only, whole_number
-from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.arguments import taking
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
 from deatwin.plant.drawing import Axes, axes_or_new
@@ -142,6 +142,8 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
     DataError
         If there are several outputs, the output or its square is constant, or `n_lags` is below 2 or not below the
         length of the longest recording.
+    ModelError
+        If the recordings differ in signals, units or sample time.
     """
     chosen = flatten(recordings)
     longest = max(record.n_samples for record in chosen)
@@ -150,6 +152,7 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
         raise DataError(f"n_lags = {lags}; it must be at least 2 and less than the {longest} samples of a recording")
     if any(record.outputs.shape[0] != 1 for record in chosen):
         raise DataError("the sampling time is chosen by one output; give recordings of one output")
+    require_alike(chosen)
     outputs = [record.outputs[0] for record in chosen]
     mean = float(np.concatenate(outputs).mean())
     linear = _correlation([y - mean for y in outputs], lags)

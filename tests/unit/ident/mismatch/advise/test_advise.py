@@ -31,10 +31,12 @@ from deatwin.plant import (
     DielectricAbsorption,
     ElectrodeRC,
     Experiment,
+    PermittivityDrift,
     PermittivityStretch,
     Plant,
     Recording,
     SensorCurvature,
+    SensorDrift,
     SensorLag,
     actuation_curve,
 )
@@ -207,6 +209,21 @@ def test_where_the_reading_cannot_tell_another_signal_is_advised(late, tmp_path)
     assert found.undecided == found.alternatives
     axes = found.plot()
     assert axes.get_xlabel()
+
+
+@compiled
+def test_no_drawn_plant_distinguishes_explanations_that_predict_the_same():
+    """A drift of the permittivity is one of the amplifier's gain; two periods hardly tell its strength and time."""
+    record = NOMINAL.with_effects(PermittivityDrift()).record(blank(sine(20.0, 0.1)), np.random.default_rng(0))
+    problem = bench_of(NOMINAL, record)
+    found = alternatives_on(problem, PermittivityDrift(), SensorDrift().placed("command_gain"))
+    fits = [one.calibration for one in found]
+    asked = question.Question.of(problem, fits, NOMINAL.rig.noise, np.random.default_rng(1))
+    commands = asked.commands("holds with rests between them", 1500)
+    assert [len(shifts) for shifts in asked.shifts] == [1 + question.DRAWS] * 2
+    assert all(shift.any() for shifts in asked.shifts for shift in shifts[1:])
+    distances = [asked.refitted(commands, draw).min() for draw in range(1 + question.DRAWS)]
+    assert max(distances) < 1.0, distances
 
 
 @compiled

@@ -8,7 +8,7 @@ import pytest
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.filter import Opening, linearise
 from deatwin.ident.mismatch.locate.closure import closure_p_value, regressions
-from deatwin.ident.mismatch.locate.place import Places, locate_place
+from deatwin.ident.mismatch.locate.place import OpenedPlace, Places, locate_place
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant import CoulombFriction, Creep, Diaphragm, Experiment, Hysteresis, Plant, Recording, SensorDrift
@@ -65,6 +65,16 @@ def test_the_place_is_among_the_best(place):
     assert [row.place for row in table] == list(dict.fromkeys(o.place for o in found.opened))
     assert all(0.0 <= row.score <= 1.0 for row in table)
     assert found.plot().get_xlabel()
+
+
+def test_a_prediction_is_the_same_share_of_the_mismatch_in_the_summary_and_in_the_figure():
+    """Of readings with much noise, a regression that predicts the whole mismatch predicts a part of the residual."""
+    opened = OpenedPlace(
+        place="film", signal="stress", gain=40.0, p_value=1e-6, explained=0.63, score=0.99, among_best=True
+    )
+    found = Places(opened=(opened,), closure_p_value=0.01)
+    (bar,) = found.plot().patches
+    assert bar.get_width() == found.summary[0].explained == 0.99
 
 
 @pytest.mark.study

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from made_fits import made_problem
 
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.mismatch.naming.onsets import beginning_at_each, event_lead, event_leads
@@ -155,7 +156,7 @@ slow_without_compiler = pytest.mark.skipif(
 @slow_without_compiler
 def test_an_event_is_seen_from_before_it_came(part):
     fit = calibrate(PLANT, [part], evaluations=10, starts=1)
-    problem = SimpleNamespace(fitted=[part], jobs=1)
+    problem = made_problem(fitted=(part,))
     (biased,) = leads(linearised_responses(problem, fit, [ElectrodeLoss()], fit), fit)
     assert abs(biased.effect.at - AT) > 0.3 * SECONDS  # what the fit leaves does not tell when
     (lead,) = event_leads(PLANT, fit, [ElectrodeLoss(), Creep()], [part])
@@ -216,7 +217,7 @@ class Unbearable(ElectrodeLoss):
 @slow_without_compiler
 def test_a_fit_starts_with_a_strength_at_which_the_plant_was_simulated(part):
     fit = calibrate(PLANT, [part], evaluations=3, starts=1)
-    problem = SimpleNamespace(fitted=[part], jobs=1)
+    problem = made_problem(fitted=(part,))
     (known, *_) = linearised_responses(problem, fit, [Unbearable()], fit)
     assert abs(known.effect.share) < abs(Unbearable().share)
     (lead,) = event_leads(PLANT, fit, [Unbearable()], [part])

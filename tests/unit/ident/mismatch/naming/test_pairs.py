@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from made_fits import made_problem
 from tests.unit.ident.mismatch.naming.conftest import Nominal
 
 from deatwin.ident.mismatch.naming import name
@@ -284,7 +285,7 @@ def explained_alone(leaving, monkeypatch):
 
 def test_a_search_for_causes_ends_with_the_look_for_a_second_one(explained_alone):
     search, _ = explained_alone
-    found = name.name_causes(search.problem, search.tried[()], ())
+    found = name.name_causes(made_problem(), search.tried[()], ())
     assert found.best.effects == PAIR
 
 

@@ -1,10 +1,10 @@
 """Where the screen looks for an effect."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_fits import made_problem
 from made_rigs import Wire
 
 from deatwin.ident.greybox import Part, calibrate
@@ -112,7 +112,7 @@ def test_an_effect_is_seen_at_the_strength_at_which_it_does_what_is_missing(fitt
 
 def test_the_screen_looks_for_as_much_as_the_fit_leaves(fitted):
     fit, part = fitted
-    problem, without = SimpleNamespace(fitted=[part], jobs=1), simulated(fit.plant, [part])
+    problem, without = made_problem(fitted=(part,)), simulated(fit.plant, [part])
     much = replace(fit, residuals=100.0 * fit.residuals)
     for left in (fit, much):
         found = linearised_responses(problem, fit, [EndStop()], left)
@@ -163,7 +163,7 @@ def test_a_tone_is_looked_for_with_its_phase_at_the_readings(reading, frequency)
     blank = Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), 0.02),))
     part = Part.whole(plant.with_effects(tone).record(blank, np.random.default_rng(1)))
     fit = calibrate(plant, [part], evaluations=3, starts=1)
-    problem = SimpleNamespace(fitted=[part], jobs=1)
+    problem = made_problem(fitted=(part,))
     (lead,) = leads(linearised_responses(problem, fit, [PeriodicDisturbance()], fit), fit)
     assert lead.share > 0.95  # noise has a hundredth of its power
     # four standard deviations, at a noise of a tenth of the amplitude in 1000 samples (Rife & Boorstyn, 1974)

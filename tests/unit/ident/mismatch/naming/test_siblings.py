@@ -1,10 +1,10 @@
 """What acts like an effect, on a rig that only passes the command on: all is known in closed form."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from made_fits import made_problem
 from made_rigs import Wire
 
 from deatwin.ident.greybox.fit import calibrate
@@ -47,7 +47,7 @@ def measured(readings: np.ndarray) -> Recording:
 def explained(lag: float = LAG) -> tuple[Any, Any]:
     part = Part.whole(Experiment(recordings=(measured(GAIN * lagged(COMMANDS, lag)),)))
     fit = calibrate(MIRROR.with_effects(SensorLag(time=0.02)), [part], tolerance=1e-10, starts=1)
-    return SimpleNamespace(fitted=(part,), jobs=1, nominal=MIRROR), fit
+    return made_problem(fitted=(part,), nominal=MIRROR), fit
 
 
 def off(change: np.ndarray) -> np.ndarray:
@@ -99,7 +99,7 @@ def test_a_sibling_begins_on_its_own_side(curvature):
     part = Part.whole(Experiment(recordings=(measured(readings),)))
     plant = MIRROR.with_effects(SensorCurvature(curvature=0.1))
     fit = calibrate(plant, [part], tolerance=1e-10, starts=1)
-    problem = SimpleNamespace(fitted=(part,), jobs=1, nominal=MIRROR)
+    problem = made_problem(fitted=(part,), nominal=MIRROR)
     (found,) = siblings(problem, fit, ("sensor_curvature",), [SensorCurvature(curvature=1.0)], {})
     assert np.sign(found.estimate.curvature) == np.sign(curvature)
 

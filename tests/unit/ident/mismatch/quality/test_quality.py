@@ -237,6 +237,21 @@ def test_the_sound_part_beside_a_long_freeze_has_no_outliers(sound):
     assert checked.outliers[0][0][1410:].sum() == 0
 
 
+def test_times_of_a_stretch_are_written_with_the_digits_that_tell_them_apart(sound):
+    first = sound.recordings[0]
+    fast = Experiment(recordings=(replace(first, sample_time=1e-3),))
+    checked = replace(check_quality(PLANT, [Experiment(recordings=(first,))]), experiments=(fast,))
+
+    def said(*marked: int) -> str:
+        mask = np.isin(np.arange(first.n_samples), marked)
+        (note,) = [n for n in replace(checked, clipped=((mask,),)).notes if "at its limit" in n]
+        return note.partition(" limit in ")[2]
+
+    assert said(502, 503) == "2 samples between 0.502 and 0.503 s"
+    assert said(100, 502, 503) == "3 samples: 0.10 s, 0.502 to 0.503 s"
+    assert said(100, 101, 110, 1500) == "4 samples: 0.100 to 0.101 s, 0.11 s, 1.50 s"
+
+
 def test_nothing_to_diagnose_is_one_clear_error(sound):
     with pytest.raises(DataError, match="no recording was given"):
         check_quality(PLANT, [])

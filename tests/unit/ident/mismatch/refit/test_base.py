@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from made_fits import made_fit
+from made_fits import made_fit, made_problem
 from made_rigs import Bare
 
 from deatwin.ident.greybox import Calibration, FitStatus
@@ -44,7 +44,7 @@ def test_a_form_that_ran_out_of_simulations_is_judged_by_its_linear_model(monkey
     monkeypatch.setattr(base, "_judged", lambda problem, fit: None)
     monkeypatch.setattr(base, "replace", lambda candidate, noise: candidate)
     monkeypatch.setattr(base, "_preferred", lambda usable: usable[0])
-    base.calibrate_base(SimpleNamespace(nominal=nominal, fitted=(), jobs=1))
+    base.calibrate_base(made_problem(nominal=nominal))
     assert settled == ["as well", "on its way"]
 
 
