@@ -52,8 +52,7 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
     dead_times = estimate_dead_time(recordings)
     said = [str(one) for one in dead_times]
     told = [one for one in dead_times if one.status is not DeadTimeStatus.ALIKE]
-    known = [one for one in told if one.interval is not None]
-    late = [one for one in known if one.interval[0] > 1 or one.interval[1] > usual[-1]]
+    late = [one for one in told if (ends := one.interval) and (ends[0] > 1 or ends[1] > usual[-1])]
     if first is None and last is None:
         if not late:
             # A lag before the dead time could enter the model only by chance, or as the controller's response.
@@ -63,7 +62,7 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
             if loop:
                 said.append(f"{_WITHIN}; the candidate input lags are {_written(lags)}")
             return InputLags(lags=lags, dead_times=dead_times, sentences=tuple(said))
-        early = len(late) < len(dead_times) or any(one.interval[0] == 0 for one in late)
+        early = len(late) < len(dead_times) or any(one.interval is not None and one.interval[0] == 0 for one in late)
         shifted = set(lags_after(late, len(usual))) | (set(usual) if early else set())
         lags = tuple(sorted(shifted))
         said.append(f"the candidate input lags are therefore {_written(lags)}")

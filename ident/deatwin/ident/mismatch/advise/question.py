@@ -286,8 +286,8 @@ def _in_first_order(problem: DiagnosisProblem, fit: Calibration, shift: np.ndarr
         change, after = fit.jacobian @ (halved * shift), simulated(_moved(fit, halved * shift), problem.fitted)
         if before is None or after is None:
             continue
-        error = np.linalg.norm((after - before) / level - change)
-        if error <= max(LINEAR * np.linalg.norm(change), noise):  # an error of this length is within the noise
+        error, size = (float(np.linalg.norm(one)) for one in ((after - before) / level - change, change))
+        if error <= max(LINEAR * size, noise):  # an error of this length is within the noise
             return np.asarray(halved * shift)
     return None
 
