@@ -99,7 +99,7 @@ def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_
     rows = dict(pairwise(cells))
     assert rows["film: permittivity"] == "0 % explained by any effect, 66 % predicted from signals"
     assert (rows["ball"], rows["sensor"]) == ("50 % predicted from signals", "30 % explained by an effect")
-    assert unescape(rows["drive"]) == "20 % explained by drift of the amplifier's gain"
+    assert unescape(rows["drive"]) == "20 % explained by drift of the amplifier's gain alone"
     assert [c for c in cells if c in ("film: permittivity", "ball", "sensor")] == [
         "film: permittivity",
         "ball",
@@ -135,7 +135,7 @@ def test_a_formula_is_not_said_to_show_the_place_of_the_cause(tmp_path: Path) ->
     form = FreeFormSummary(place="ball", signal="force", terms=(), before=27.1, after=15.8, gain_low=9.0)
     page = page_of(replace(DIAGNOSIS, verdict=Verdict.UNKNOWN, free_form=form), tmp_path)
     assert "as an addition to the force at the ball." in page
-    assert "so this place does not show where the cause is." in page
+    assert "so the place says nothing about where the cause is." in page
 
 
 def test_what_an_advised_input_leaves_undecided_is_named(tmp_path: Path) -> None:

@@ -279,20 +279,21 @@ def _where(diagnosis: Diagnosis) -> list[str]:
         return []
     band = next((b for b in found.frequency if b.power > HALF * sum(one.power for one in found.frequency)), None)
     region = max(found.region, key=lambda one: abs(one.mean_residual), default=None)
-    best = [
-        at_body(spaced(place.place), diagnosis)
-        for place in found.place
-        if place.among_best and (place.explained or 0.0) > HALF
-    ]
+    best: dict[str, list[str]] = {}
+    for place in found.place:
+        if place.among_best and (place.explained or 0.0) > HALF:
+            signals = best.setdefault(at_body(spaced(place.place), diagnosis), [])
+            signals += [spaced(place.signal)] if place.signal else []
+    places = [f"{place} ({', '.join(signals)})" if signals else place for place, signals in best.items()]
     return [
         _when(found, diagnosis),
         "" if band is None else f"most of the power of the mismatch is {_at(band)}",
         ""
         if region is None
         else f"the mean residual is largest in magnitude, {_size(region.mean_residual, diagnosis)}, {_in(region, diagnosis)}",
-        f"if the readings are sound, first look for the cause at the {' or the '.join(best)}, because the signals there "
+        f"if the readings are sound, first look for the cause at the {' or the '.join(places)}, because the signals there "
         "predict the mismatch best"
-        if best
+        if places
         else "",
     ]
 

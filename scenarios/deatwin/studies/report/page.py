@@ -106,7 +106,8 @@ def _places(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
         name = "a parameter of the model" if name == "parameter" else name
         shares = {"predicted from signals": place.explained}
         if place.explained is None or place.effect is not None:
-            best = "any effect" if place.score < HARDLY else effects_in_words(place.effect or "an effect")
+            one = f"{effects_in_words(place.effect)} alone" if place.effect else "an effect"
+            best = "any effect" if place.score < HARDLY else one
             shares = {f"explained by {best}": place.score, **shares}
         known = {what: max(share, 0.0) for what, share in shares.items() if share is not None}
         rows.append((max(known.values()), name, [f"{100 * share:.0f} % {what}" for what, share in known.items()]))

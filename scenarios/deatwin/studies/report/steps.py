@@ -65,8 +65,8 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
             found["place"] = (
                 (WIDTH, 4.2),
                 "Signals that predict the mismatch",
-                "Share of the mismatch that a regression predicts from the signals at each place of the measuring chain, "
-                "without any physics, on data to which it was not fitted.",
+                "Share of the mismatch that a regression without physics predicts from the signals at each place of the "
+                "measuring chain, on data to which the regression was not fitted.",
                 lambda figure: location.place.plot(figure.add_subplot()),
             )
         if (lines := location.lines) is not None:

@@ -679,3 +679,15 @@ def test_only_a_diaphragm_has_a_ball(rig: Rig, body: str) -> None:
     best = replace(LOCATED, place=(PlaceSummary(place="ball", score=0.9, explained=0.9, among_best=True),))
     located = replace(DIAGNOSES["unknown"], location=best, base_model=model)
     assert f"first look for the cause at the {body}, because" in say(located).lower() + next_step(located).lower()
+
+
+def test_signals_that_predict_most_are_named_at_their_places():
+    """A place with several signals is named once, and a signal that predicts less is left out."""
+    places = (
+        PlaceSummary(place="film", signal="permittivity", score=0.0, explained=0.7, among_best=True),
+        PlaceSummary(place="film", signal="electrode_share", score=0.0, explained=0.69, among_best=True),
+        PlaceSummary(place="film", signal="stiffness", score=0.0, explained=0.44, among_best=False),
+        PlaceSummary(place="drive", score=0.0, explained=0.7, among_best=True),
+    )
+    found = replace(DIAGNOSES["unknown"], location=replace(LOCATED, place=places))
+    assert "at the film (permittivity, electrode share) or the drive, because" in say(found)

@@ -117,7 +117,11 @@ def locate_region(tracks: Sequence[Track], unit: float) -> Regions:
             count += weight
         regions.append(Region(signal=one.signal, low=low, high=one.high, mean_residual=mean))
         last, weight = (one.signal, one.number), count
-    return Regions(regions=tuple(sorted(regions, key=lambda r: -abs(r.mean_residual))), bins=tuple(bins))
+    # A mean residual of one sign over the whole range of a signal does not depend on that signal.
+    ends = {one.signal: one.high for one in bins}
+    starts = {one.signal: one.low for one in reversed(bins)}
+    found = [r for r in regions if (r.low, r.high) != (starts[r.signal], ends[r.signal])]
+    return Regions(regions=tuple(sorted(found, key=lambda r: -abs(r.mean_residual))), bins=tuple(bins))
 
 
 def _signals(track: Track) -> Mapping[str, np.ndarray]:

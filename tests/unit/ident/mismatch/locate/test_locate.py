@@ -100,3 +100,19 @@ def test_a_perfect_plant_has_no_region():
         )
         count += bool(locate_region([track], 1e-6))
     assert count <= 8  # 5 % of 40 expected; normal tests of few seconds in a bin are allowed a few more
+
+
+def test_a_constant_residual_lies_in_no_region_and_a_step_of_it_in_its_range():
+    """A mean that is the same for all values of a signal does not depend on it; beyond its median it does."""
+    rng = np.random.default_rng(6)
+    signal = rng.standard_normal(6000)
+    for residual, count in ((np.full(6000, 1e-6), 0), (np.where(signal > 0.0, 1e-6, 0.0), 1)):
+        track = Track(
+            timepts=0.02 * np.arange(6000),
+            residual=residual + 1e-7 * rng.standard_normal(6000),
+            signals={"u": signal},
+            sample_time=0.02,
+        )
+        found = [one for one in locate_region([track], 1e-6) if one.mean_residual > 0.5]
+        assert len(found) == count
+    assert found[0].high == signal.max()
