@@ -147,6 +147,7 @@ def test_what_is_offered_works(tmp_path: Path, said: str, wanted: str | None) ->
         )
         offered += [f"x ({unit})" for text in listed for unit in text.split(", ")]
         offered += [f"x ({unit})" for unit in re.findall('="?(degC|coulomb)"', str(error))]
+        offered += [f"x ({unit})" for unit in re.findall('state it: "[^"]*=([^"=]*)"', str(error))]  # of a monitor
         assert offered
         for better in offered:
             unit = read(written(tmp_path, better), better, wanted)[1]
