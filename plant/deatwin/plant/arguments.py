@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from inspect import signature
 from os import PathLike
@@ -55,17 +55,26 @@ def as_annotated(sources: Mapping[str, str]) -> Callable[[Callable[P, R]], Calla
     return decorate
 
 
+_PACKAGES = frozenset({"deatwin", "numpy"})
+"""Packages whose classes the annotations name."""
+
+
 def _annotated(annotation: str, sources: Mapping[str, str]) -> Check | None:
-    """Return the check of a class or of a sequence of its objects; None if nothing is known of the annotation."""
+    """Return the check of a class or of an iterable of its objects; None if nothing is known of the annotation."""
     kind = re.findall(r"\w+", annotation)[-1]  # by its name, because a module may import a class for type checkers only
-    if found := re.fullmatch(r"Sequence\[(.+)\]", annotation):
-        member = _annotated(found[1], sources)
-        return None if member is None else each(member, hint=f": {sources[kind]}")
+    if re.fullmatch(r"Sequence\[.+\]", annotation):
+
+        def check_many(value: Any, name: str) -> None:
+            if isinstance(value, str) or not isinstance(value, Iterable):
+                raise ModelError(f"{name} must be a list of {kind} objects; got {kind_of(value)}: {sources[kind]}")
+
+        return check_many if kind in sources else None
     if not re.fullmatch(r"[\w.]+", annotation):
         return None
 
     def check(value: Any, name: str) -> None:
-        if kind not in (one.__name__ for one in type(value).__mro__):
+        known = (one for one in value.__class__.__mro__ if one.__module__.partition(".")[0] in _PACKAGES)
+        if kind not in (one.__name__ for one in known):
             raise ModelError(f"{name} must be {_with_article(kind)}; got {kind_of(value)}: {sources[kind]}")
 
     return check if kind in sources else None
@@ -88,12 +97,12 @@ def instance(*kinds: type, hint: str = "", error: type[DeatwinError] = ModelErro
     return check
 
 
-def each(check: Check, error: type[DeatwinError] = ModelError, hint: str = "") -> Check:
-    """Return a check that applies another check to every member of a sequence; `hint` ends the error for another kind."""
+def each(check: Check, error: type[DeatwinError] = ModelError) -> Check:
+    """Return a check that applies another check to every member of a sequence."""
 
     def check_all(value: Any, name: str) -> None:
         if not isinstance(value, list | tuple | np.ndarray):
-            raise error(f"{name} must be a list or a tuple; got {kind_of(value)}{hint}")
+            raise error(f"{name} must be a list or a tuple; got {kind_of(value)}")
         for place, member in enumerate(value):
             check(member, f"{name}[{place}]")
 

@@ -49,10 +49,11 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
     from deatwin.ident.narx.preprocess import DeadTimeStatus, estimate_dead_time, lags_after
 
     usual = tuple(range(FIRST if first is None else first, (LAST if last is None else last) + 1))
+    longest = max(usual, default=0)
     dead_times = estimate_dead_time(recordings)
     said = [str(one) for one in dead_times]
     told = [one for one in dead_times if one.status is not DeadTimeStatus.ALIKE]
-    late = [one for one in told if (ends := one.interval) and (ends[0] > 1 or ends[1] > usual[-1])]
+    late = [one for one in told if (ends := one.interval) and (ends[0] > 1 or ends[1] > longest)]
     if first is None and last is None:
         if not late:
             # A lag before the dead time could enter the model only by chance, or as the controller's response.
@@ -67,11 +68,11 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
         lags = tuple(sorted(shifted))
         said.append(f"the candidate input lags are therefore {_written(lags)}")
         return InputLags(lags=lags, dead_times=dead_times, sentences=tuple(said))
-    missed = [one.interval for one in late if one.interval is not None and one.interval[0] > usual[-1]]
+    missed = [one.interval for one in late if one.interval is not None and one.interval[0] > longest]
     if missed:
         low, high = min(one[0] for one in missed), max(one[1] for one in missed)
         said.append(
-            f"the given input lags end at {usual[-1]}, before the input has any effect; take "
+            f"the given input lags end at {longest}, before the input has any effect; take "
             f"--first-input-lag {low} --input-lags {high + LAST}"
         )
     return InputLags(lags=usual, dead_times=dead_times, sentences=tuple(said))

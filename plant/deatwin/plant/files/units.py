@@ -383,8 +383,8 @@ _SIGNS = str.maketrans(
 
 
 _TEN_TO = re.compile(
-    r"(?:[x×*·]\s*)?(?P<base>1[eE]|10\s*(?:\^|\*\*)\s*[({]?\s*|10(?=[-−]))(?P<power>[-+−]?\d+)\s*[)}]?\s*[x×*·]?\s*"
-    r"(?P<unit>[^\W\d].*)"
+    r"(?:[x×*·] ?)?(?P<base>1[eE]|10 ?(?:\^|\*\*) ?[({]? ?|10(?=[-−]))(?P<power>[-+−]?[0-9]{1,2}) ?[)}]? ?(?:[x×*·] ?)?"
+    r"(?P<unit>(?!x ?1)[^\W\d].*)"
 )
 """Unit behind a power of ten, such as ``10^-3 m``, ``10⁻³ m`` or ``1e-3 m``."""
 _RAISED = re.compile("10([⁺⁻]?[⁰¹²³⁴-⁹]+)")
@@ -401,7 +401,7 @@ def find_unit(text: str) -> str:
     bare = _DIRECT.sub("", bare)
     if bare in _SYMBOLS:
         return bare
-    match = _TEN_TO.fullmatch(bare)
+    match = _TEN_TO.fullmatch(" ".join(bare.split()))
     if match and (in_brackets or match["base"][0:2] == "10"):  # without brackets, 1e-3 m is a reading
         return _with_power(int(match["power"].replace("−", "-")), find_unit(match["unit"]))
     if bare == "L":

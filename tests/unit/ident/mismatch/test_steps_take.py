@@ -2,13 +2,17 @@
 
 import inspect
 import re
+from collections import deque
 from types import FunctionType
 from typing import Any
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 from deatwin.ident import mismatch
-from deatwin.ident.mismatch.steps_take import RETURNED_BY
+from deatwin.ident.mismatch.steps_take import RETURNED_BY, checks_its_arguments
+from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.errors import DeatwinError
 
 STEPS = [step for name in mismatch.__all__ if isinstance(step := getattr(mismatch, name), FunctionType)]
@@ -19,7 +23,7 @@ REQUIRED = [
     if one.default is inspect.Parameter.empty
     and (step.__name__, name) not in (("diagnose", "experiments"), ("check_quality", "experiments"))  # need a plant
 ]
-PASSES: Any = type("Passes", tuple(type(name, (), {}) for name in RETURNED_BY), {})()
+PASSES: Any = type("Passes", tuple(type(name, (), {"__module__": "deatwin"}) for name in RETURNED_BY), {})()
 """Object of all classes in the table."""
 
 
@@ -46,6 +50,27 @@ def test_what_a_diagnosis_is_said_from_is_named():
     assert str(raised.value) == (
         "diagnosis must be a Diagnosis; got None: diagnose returns one, and Diagnosis.load reads one from a file"
     )
+
+
+def test_a_stand_in_passes_and_a_stranger_of_the_same_name_does_not():
+    """What `isinstance` takes for a Diagnosis goes on to the step; a class of that name from elsewhere does not."""
+    checked = checks_its_arguments(how_sure_of)
+    assert checked(Mock(spec=mismatch.Diagnosis)) == "taken"
+    with pytest.raises(DeatwinError, match="diagnosis must be a Diagnosis; got a Diagnosis"):
+        checked(type("Diagnosis", (), {})())
+
+
+def how_sure_of(diagnosis: "mismatch.Diagnosis") -> str:
+    return "taken"
+
+
+@pytest.mark.parametrize("kind", [list, tuple, iter, deque, lambda one: dict.fromkeys(one).keys()])
+def test_readings_takes_any_iterable_of_experiments(kind):
+    plant = Plant(rig=Diaphragm())
+    command = np.full((1, 20), 1.0)
+    given = Experiment(recordings=(Recording.from_arrays(command[0], np.zeros(20), 0.02),))
+    ((found,),) = mismatch.readings(plant, kind([given]))
+    np.testing.assert_array_equal(found, mismatch.readings(plant, [given])[0][0])
 
 
 def test_every_source_is_public():

@@ -299,3 +299,17 @@ def test_a_column_in_a_power_of_ten_is_converted(tmp_path: Path) -> None:
 def test_a_scale_is_no_unit() -> None:
     assert find_unit("1 V/mm") == find_unit("(1 N)") == ""
     assert find_unit("1/mm") == "1/mm"
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [
+        "10^3" + " " * 20_000 + "5",
+        "(10^" + "9" * 5000 + " m)",
+        "(" + "10^1x" * 2000 + " m)",
+        "(10⁻" + "³" * 5000 + " m)",
+    ],
+    ids=["blanks", "digits", "powers", "superscripts"],
+)
+def test_a_long_cell_with_a_power_of_ten_names_no_unit(cell: str) -> None:
+    assert find_unit(cell) == ""

@@ -282,9 +282,11 @@ def _in_first_order(problem: DiagnosisProblem, fit: Calibration, shift: np.ndarr
     # A covariance is a first-order result. Where parameters are hardly known, a draw may lie so far away that its plant
     # contradicts the recordings; alternatives are then not refitted to it in a few steps, and seem to be distinguished.
     before, level = simulated(fit.plant, problem.fitted), level_of(problem.fitted)
+    if before is None:
+        return None
     for halved in 0.5 ** np.arange(1 + HALVED):
         change, after = fit.jacobian @ (halved * shift), simulated(_moved(fit, halved * shift), problem.fitted)
-        if before is None or after is None:
+        if after is None:
             continue
         error, size = (float(np.linalg.norm(one)) for one in ((after - before) / level - change, change))
         if error <= max(LINEAR * size, noise):  # an error of this length is within the noise

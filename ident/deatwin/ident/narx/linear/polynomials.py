@@ -192,8 +192,13 @@ def _behind_one(coefficients: Array) -> Array:
 
 def _roots(polynomial: Array) -> Array:
     """Return the roots; a search asks for the one of a first-order polynomial very often."""
-    if polynomial.size == 2 and polynomial.all():
-        return np.asarray(-polynomial[1:] / polynomial[0])
+    if (
+        polynomial.size == 2
+        and polynomial[0]
+        and np.isfinite(root := -polynomial[1:] / polynomial[0]).all()
+        and root.any()
+    ):
+        return np.asarray(root)
     return np.asarray(np.roots(polynomial))
 
 
