@@ -5,10 +5,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from concealed_study import opened_study
 
 from deatwin.app.cli import main
+from deatwin.ident.greybox import Part, calibrate
+from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording
+from deatwin.plant.excitation import band_limited_noise
 from deatwin.scenarios.concealed_physics import study as running
 
 TINY_SEED = 1001
@@ -85,3 +89,16 @@ def test_a_tiny_study_holds(tmp_path: Path) -> None:
     assert not any(case.confidently_wrong for case in opened.cases)
     # What was concealed is found: cases of one effect have 2.8 times the noise. Of four at least two must hold it.
     assert sum(case.inside for case in opened.of("effect", ratio=0.5)) >= 2
+
+
+def test_the_oracle_of_a_delay_begins_without_the_dead_time_of_the_base_plant() -> None:
+    """A diagnosis may give its base plant a dead time; an effect can be in a plant only once."""
+    rng = np.random.default_rng(12)
+    nominal = Plant(rig=Diaphragm())
+    command = band_limited_noise(rng, 20.0, 0.02)
+    blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), 0.02),))
+    parts = [Part.whole(nominal.with_effects(Delay(time=0.06)).record(blank, rng))]
+    base = calibrate(nominal.with_effects(Delay(time=0.003)), parts, starts=1)
+    found = running._consulted(nominal, base, parts, ("delay",))
+    assert found is not None and found.plant.effect_names == ("delay",)
+    assert found.plant.parameters["delay.time"].value == pytest.approx(0.06, abs=0.002)  # a tenth of a sample

@@ -198,6 +198,8 @@ def _consulted(nominal: Plant, base: Calibration, parts: Sequence[Part], truth: 
     if not all(nominal.accepts(effect_named(name)) for name in truth):
         return None
     typical = tuple(effect_named(name) for name in truth)
+    if not all(map(base.plant.lacks, typical)):  # a diagnosis may give its base plant a dead time
+        base = calibrate(nominal, parts, starts=1)
     shaped = {effect.name: effect for effect in _shaped(nominal, base, parts, typical)}
     promising = tuple(shaped.get(effect.name, effect) for effect in typical)
     starts = product((promising, typical), (nominal, base.plant))
