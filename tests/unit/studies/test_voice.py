@@ -72,7 +72,8 @@ def test_the_time_left_grows_by_a_quarter_at_most_while_nothing_is_told() -> Non
 @pytest.mark.parametrize(
     ("begun", "seconds", "told", "line"),
     [
-        ((0.8, "cases"), 60.0, (0.9, "cases"), "cases, 90 % done, about 60 s left"),  # a tenth a minute, gone on with
+        ((0.8, "cases"), 60.0, (0.9, "cases"), "cases, 90 % done, about 60 s left"),  # a tenth a minute, continued
+        ((0.0, "cases"), 360.0, (0.01, "cases"), "cases, 1 % done, about 10 h left"),  # a hundredth in 6 min: 9.9 h
         ((0.0,), 60.0, (1.0, "done"), "done, 100 % done"),
         ((0.0,), 100.0, (0.5, "5 of 10, about 7 min left"), "5 of 10, about 7 min left, 50 % done"),  # told by the work
     ],
@@ -96,16 +97,6 @@ def test_no_time_is_guessed_from_nothing() -> None:
     clock.now += 100.0
     progress.tell(0.02, "calibrating")
     assert progress.line == "calibrating, 2 % done, unknown time left"
-
-
-def test_of_long_work_a_rough_estimate_is_told_early() -> None:
-    """Five of 500 equal cases in six minutes: 9.9 hours are left, and whoever waits must know."""
-    clock = Clock(waits=0)
-    progress = PlainProgress("study", clock)
-    progress.tell(0.0, "cases")
-    clock.now += 360.0
-    progress.tell(0.01, "cases")
-    assert progress.line == "cases, 1 % done, about 10 h left"
 
 
 def test_control_characters_do_not_pass() -> None:

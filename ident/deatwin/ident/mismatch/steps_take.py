@@ -1,4 +1,4 @@
-"""What the steps of a diagnosis take, and which call returns it."""
+"""Check the arguments of the steps of a diagnosis, and say which call returns the right ones."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import Part, level_of, simulated
+from deatwin.ident.greybox.parts import Part, free_run_residuals, simulated
 from deatwin.ident.greybox.problem import Problem, Response
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.ident.mismatch.advise.distance import Memory, directions, distance_squared
@@ -281,14 +281,11 @@ def _in_first_order(problem: DiagnosisProblem, fit: Calibration, shift: np.ndarr
     """Halve a shift until its first-order change of the fitted readings is accurate; None if it never is."""
     # A covariance is a first-order result. Where parameters are hardly known, a draw may lie so far away that its plant
     # contradicts the recordings; alternatives are then not refitted to it in a few steps, and seem to be distinguished.
-    before, level = simulated(fit.plant, problem.fitted), level_of(problem.fitted)
-    if before is None:
-        return None
     for halved in 0.5 ** np.arange(1 + HALVED):
-        change, after = fit.jacobian @ (halved * shift), simulated(_moved(fit, halved * shift), problem.fitted)
-        if after is None:
+        left, change = free_run_residuals(_moved(fit, halved * shift), problem.fitted), fit.jacobian @ (halved * shift)
+        if left is None:
             continue
-        error, size = (float(np.linalg.norm(one)) for one in ((after - before) / level - change, change))
+        error, size = (float(np.linalg.norm(one)) for one in (fit.residuals - left - change, change))
         if error <= max(LINEAR * size, noise):  # an error of this length is within the noise
             return np.asarray(halved * shift)
     return None

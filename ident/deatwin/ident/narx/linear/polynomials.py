@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -131,16 +130,15 @@ class Orders:
 
     def split(self, theta: Array) -> Polynomials:
         """Return the polynomials that a parameter vector `theta` (n_theta,) describes."""
-        ends = list(accumulate(self.sizes))
-        a, *rest = (theta[end - size : end] for size, end in zip(self.sizes, ends, strict=True))
+        a, *rest = np.split(theta, np.cumsum(self.sizes)[:-1])
         m = len(self.nb)
         c, d, offset = rest[2 * m :]
         return Polynomials(
-            a=_behind_one(a),
-            b=tuple(np.concatenate([np.zeros(nk), b]) for nk, b in zip(self.nk, rest[:m], strict=True)),
-            c=_behind_one(c),
-            d=_behind_one(d),
-            f=tuple(_behind_one(f) for f in rest[m : 2 * m]),
+            a=np.r_[1.0, a],
+            b=tuple(np.r_[np.zeros(nk), b] for nk, b in zip(self.nk, rest[:m], strict=True)),
+            c=np.r_[1.0, c],
+            d=np.r_[1.0, d],
+            f=tuple(np.r_[1.0, f] for f in rest[m : 2 * m]),
             offset=float(offset[0]) if self.offset else 0.0,
         )
 
@@ -183,30 +181,14 @@ def per_input(name: str, value: int | Sequence[int], n_inputs: int, least: int) 
 
 def is_stable(polynomial: Array) -> bool:
     """Return True if all roots of a polynomial in q^-1, (order + 1,), lie inside the unit circle."""
-    return polynomial.size == 1 or bool(np.abs(_roots(polynomial)).max() < 1.0)
-
-
-def _behind_one(coefficients: Array) -> Array:
-    return np.concatenate([np.ones(1), coefficients])
-
-
-def _roots(polynomial: Array) -> Array:
-    """Return the roots; a search asks for the one of a first-order polynomial very often."""
-    if (
-        polynomial.size == 2
-        and polynomial[0]
-        and np.isfinite(root := -polynomial[1:] / polynomial[0]).all()
-        and root.any()
-    ):
-        return np.asarray(root)
-    return np.asarray(np.roots(polynomial))
+    return polynomial.size == 1 or bool(np.abs(np.roots(polynomial)).max() < 1.0)
 
 
 def reflected(polynomial: Array) -> Array:
     """Return a polynomial (order + 1,) with its roots reflected into the unit circle, as a starting point of a search."""
     if polynomial.size == 1:
         return polynomial
-    roots = _roots(polynomial)
+    roots = np.roots(polynomial)
     size = np.abs(roots)
     inside = np.minimum(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), _LARGEST)
     roots = np.where(size > 0.0, roots / np.where(size > 0.0, size, 1.0) * inside, roots)

@@ -1,4 +1,4 @@
-"""What a concealed mechanism is: the fields that are drawn, and where it acts on commands, plant or readings."""
+"""Define a concealed mechanism by the fields that are drawn and by where it acts: on commands, plant or readings."""
 
 from __future__ import annotations
 
