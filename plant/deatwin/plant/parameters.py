@@ -65,6 +65,8 @@ class Parameter:
         Transformation of the value in a fit; logarithm and reciprocal require ``lower > 0``.
     known : bool
         True if the experimenter measured the value; a calibration does not change it.
+    guessed : bool
+        True if the value is only a start for fits. A diagnosis then takes all values within the range to be as likely.
     widest : float, optional
         Largest magnitude that physics allows, SI. If a value exceeds `upper`, then `upper` is multiplied by four until
         it includes the value, but not beyond `widest`. A negative `lower` is extended in the same way.
@@ -84,10 +86,12 @@ class Parameter:
     source: str = ""
     scale: Scale = Scale.LINEAR
     known: bool = False
+    guessed: bool = False
     widest: float | None = None
 
     def __post_init__(self) -> None:
-        for name, kind in (("name", str), ("unit", str), ("source", str), ("scale", Scale), ("known", bool)):
+        kinds = {"name": str, "unit": str, "source": str, "scale": Scale, "known": bool, "guessed": bool}
+        for name, kind in kinds.items():
             if not isinstance(given := getattr(self, name), kind):
                 raise RigError(f"{name} of the parameter {self.name} is {given!r}; it must be a {kind.__name__}")
         for name in ("value", "lower", "upper"):

@@ -71,6 +71,7 @@ class FilmActuator(Rig):
                 lower=1e-6,
                 upper=1e4,
                 scale=Scale.LOGARITHMIC,
+                guessed=True,
                 source="chosen so that the part does not ring",
             ),
             zero_of(1e-2, self.zero_is_known),

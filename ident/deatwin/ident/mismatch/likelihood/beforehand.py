@@ -93,13 +93,17 @@ class OwnError:
 
 def deviation(parameter: Parameter) -> float:
     """Deviation of a plant's own parameter from its nominal value, in the coordinate of its scale."""
+    if parameter.guessed:
+        return _width(parameter)
     if parameter.scale is Scale.LOGARITHMIC:
         return DATA_SHEET
     return DATA_SHEET * abs(parameter.scale.to_coordinate(parameter.value)) or _width(parameter)
 
 
 def departure(parameter: Parameter, nominal: Parameter) -> float:
-    """Return how far a plant's parameter is from its nominal value, in standard deviations."""
+    """Return how far a plant's parameter is from its nominal value, in standard deviations; 0 if that is guessed."""
+    if nominal.guessed:
+        return 0.0
     off = nominal.scale.to_coordinate(parameter.value) - nominal.scale.to_coordinate(nominal.value)
     return off / deviation(nominal)
 

@@ -124,3 +124,18 @@ def test_a_nominal_value_that_is_wrong_costs_the_same_everywhere(value):
     """Far off, the value is one of an even law over the range, log(100) wide, and the nominal value need not be right."""
     even, peak = WRONG / np.log(100.0), (1.0 - WRONG) / (DATA_SHEET * np.sqrt(2.0 * np.pi))
     assert nominal_odds(mass(value), MASS) == pytest.approx(np.log(even / (peak + even)), abs=0.01)
+
+
+@pytest.mark.parametrize("value", [0.1, 2.0, 10.0])
+def test_every_value_is_as_likely_if_the_nominal_one_is_a_guess(value):
+    """The even law over the range, ln(100) wide, has a standard deviation of ln(100)/sqrt(12)."""
+    guess = replace(MASS, guessed=True)
+    known = coordinate(replace(guess, value=value), SimpleNamespace(parameters={"mass": guess}), EFFECTS, 1e-3)
+    assert nominal_odds(replace(guess, value=value), guess) == 0.0
+    assert known.deviation == pytest.approx(np.log(100.0) / np.sqrt(12.0))
+
+
+def test_the_damping_of_a_film_rig_is_a_guess_and_its_material_is_not():
+    """The data sheet of an elastomer says nothing about damping."""
+    parameters = Plant(rig=Disc()).parameters
+    assert [name for name in parameters.free if parameters[name].guessed] == ["damping"]

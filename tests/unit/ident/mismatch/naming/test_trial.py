@@ -7,9 +7,22 @@ import pytest
 from made_fits import made_fit
 
 from deatwin.ident.greybox import Calibration, FitStatus
+from deatwin.ident.greybox.fit import descend
+from deatwin.ident.greybox.parts import parts_of
 from deatwin.ident.mismatch.naming import trial
 from deatwin.ident.mismatch.naming.trial import Trial, _is_near, _otherwise, _tried, refitted, run_trials, unbiased_like
-from deatwin.plant import Creep, CubicStiffness, Diaphragm, PeriodicDisturbance, Plant, SensorJump, catalogue
+from deatwin.plant import (
+    Creep,
+    CubicStiffness,
+    Diaphragm,
+    Disc,
+    Experiment,
+    PeriodicDisturbance,
+    Plant,
+    Recording,
+    SensorJump,
+    catalogue,
+)
 from deatwin.plant.effects import Effect
 from deatwin.plant.parameters import Parameter
 
@@ -19,7 +32,8 @@ PLANT = Plant(rig=Diaphragm()).with_effects(Creep())
 def fit_of(rms: float, plant: Plant | None = None) -> SimpleNamespace:
     """A settled fit, by default of the rig alone."""
     known = plant or Plant(rig=Diaphragm())
-    return SimpleNamespace(status=FitStatus.SETTLED, rms=rms, foreseen=rms, given_up=False, plant=known, at_bound=())
+    told = {"status": FitStatus.SETTLED, "given_up": False, "names": known.parameters.free, "at_bound": ()}
+    return SimpleNamespace(**told, rms=rms, foreseen=rms, plant=known)
 
 
 @pytest.mark.parametrize(
@@ -36,6 +50,28 @@ def test_a_search_that_does_not_keep_what_the_score_promises_is_made_from_the_be
     monkeypatch.setattr(trial, "at_its_time", lambda fit, *_, **__: fit)
     task = Trial(start=PLANT, biased=PLANT, without=fit_of(6.4), share=share)
     assert _tried(SimpleNamespace(fitted=()), task, float("inf")).rms == ended
+
+
+def test_a_fit_in_which_a_parameter_runs_to_its_bound_begins_again_from_the_fit_without_the_effect():
+    """A nominal damping that is a hundred times too small changes no reading, so nothing leads a fit away from it."""
+    rng, noise = np.random.default_rng(1), 1e-6
+    nominal = Plant(rig=Disc(noise=noise))
+    true = nominal.with_effects(Creep(modulus=36e3, time=12.0)).with_values({"damping": 2.0})
+    commands = np.repeat(rng.uniform(1.0, 4.0, 60), 25)
+    silent = Recording.from_arrays(commands, np.zeros(commands.size), nominal.rig.sample_time)
+    exact = true.simulate(Experiment(recordings=(silent,))).outputs[0][0]
+    measured = exact + noise * rng.standard_normal(exact.size)
+    recording = Recording.from_arrays(commands, measured, nominal.rig.sample_time)
+    parts = parts_of([Experiment(recordings=(recording,))], nominal.rig)
+    without = descend(nominal.with_values({"damping": 2.0}), parts)
+    biased = without.plant.with_effects(Creep())
+    found = _tried(
+        SimpleNamespace(fitted=parts),
+        Trial(start=nominal.with_effects(Creep()), biased=biased, without=without),
+        np.inf,
+    )
+    assert not found.at_bound
+    assert found.rms == pytest.approx(noise, rel=3 / np.sqrt(2 * exact.size))  # three standard deviations
 
 
 @pytest.mark.parametrize(("found", "ended"), [(6.6, 5.1), (6.5, 6.5)])  # more than 1.02 times 6.4, or not
