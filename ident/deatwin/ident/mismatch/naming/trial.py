@@ -23,6 +23,7 @@ from deatwin.ident.mismatch.refit.search import (
     in_its_gap,
     roughly,
     search,
+    where_it_acts,
 )
 from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.effects.base import Effect
@@ -189,8 +190,9 @@ def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibrat
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
             again = _continued(again, problem, hopeless)
         found = _better(found, again)
-    if found.status.ok and (freed := _off_its_bounds(found, trial.without)) is not None:
-        found = _better(found, roughly(freed, problem.fitted, hopeless))
+    if found.status.ok and not found.given_up:
+        moved = where_it_acts(found, problem.fitted, trial.without.names)
+        found = found if moved is found.plant else _better(found, roughly(moved, problem.fitted, hopeless))
     if found.status.ok and not found.given_up and found.foreseen > FAILED_SEARCH * trial.without.rms:
         found = _better(found, roughly(with_little(trial.start, trial.without), problem.fitted, hopeless))
     for start in _otherwise(trial):
@@ -201,16 +203,6 @@ def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibrat
         return found
     placed = at_its_time(found, problem.fitted, hopeless, ROUGH)
     return in_a_wider_range(placed, trial.start, problem.fitted, hopeless)
-
-
-def _off_its_bounds(fit: Calibration, without: Calibration) -> Plant | None:
-    """Return a fitted plant with each parameter that ended on a bound back where the fit without the new effects has
-    it; None if there is none that this fit has within its range.
-    """
-    # If a nominal value is far off, the readings may hardly depend on it, and a search runs on to the bound.
-    ended = {*fit.at_bound}.intersection(without.names).difference(without.at_bound)
-    values = {name: without.plant.parameters[name].value for name in sorted(ended)}
-    return fit.plant.with_values(values) if values else None
 
 
 def _completed(problem: DiagnosisProblem, trial: Trial, noise: float) -> Candidate | None:

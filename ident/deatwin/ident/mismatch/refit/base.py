@@ -16,20 +16,19 @@ from deatwin.ident.mismatch.naming.drawing import draw_base
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.search import (
     OPENING_SAMPLES,
-    ROUGH,
     approach,
     at_its_time,
     finish,
     opening,
     roughly,
     settle,
+    where_it_acts,
 )
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.datasets import Described, Metadata, several
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
-from deatwin.plant.parameters import Scale
 from deatwin.plant.rigs.base import Rig
 
 if TYPE_CHECKING:
@@ -39,8 +38,6 @@ if TYPE_CHECKING:
 OPENS_AS_WELL = 1.2
 """Ratio to the nominal variant's rms residual on the openings of the experiments up to which another variant, or its
 linearised minimum, may come to be fitted to all data."""
-DECADE = 10.0
-"""Standard error of a parameter, as a factor, beyond which the readings do not determine its order of magnitude."""
 FEWER = 4
 """Number of stages with which candidates are simulated, if that is as good as the plant's own number: vectors of the
 processor hold four stages, so a simulation takes a third less time than with five."""
@@ -213,7 +210,7 @@ def _fitted_well(problem: DiagnosisProblem, variant: Plant) -> Candidate | None:
     if not usable:
         return None
     best = min(usable, key=lambda fit: fit.rms)
-    rough = at_its_time(roughly(_where_it_acts(best, problem.fitted), problem.fitted), problem.fitted)
+    rough = at_its_time(roughly(where_it_acts(best, problem.fitted, best.names), problem.fitted), problem.fitted)
     return _judged(problem, finish(rough, problem.fitted)) if rough.status.ok else None
 
 
@@ -226,24 +223,6 @@ def _starts(variant: Plant) -> list[Plant]:
         pairs = zip(free, factors, strict=True)
         starts.append(variant.with_values({p.name: float(np.clip(f * p.value, p.lower, p.upper)) for p, f in pairs}))
     return starts
-
-
-def _where_it_acts(near: Calibration, parts: Sequence[Part]) -> Plant:
-    """Move each parameter that the readings hardly determine, at the end of a fit, to the best decade."""
-    # A descent finds no slope there, as for a damping that is far too small to matter, so the parameter stays or drifts
-    # to a bound.
-    errors = dict(zip(near.names, np.sqrt(np.diag(near.covariance)), strict=True))
-    known = (near.plant.parameters[name] for name in near.names)
-    openings = [opening(part, OPENING_SAMPLES) for part in parts]
-    found, least = near.plant, (1.0 - ROUGH) * near.rms**2
-    for parameter in (p for p in known if p.scale is Scale.LOGARITHMIC and not errors[p.name] < np.log(DECADE)):
-        down, up = (np.log10(end / parameter.value) for end in (parameter.lower, parameter.upper))
-        for power in (k for k in range(int(np.ceil(down)), int(np.floor(up)) + 1) if k):
-            tried = found.with_values({parameter.name: parameter.value * DECADE**power})
-            residuals = free_run_residuals(tried, openings)
-            if residuals is not None and np.mean(residuals**2) < least:
-                found, least = tried, float(np.mean(residuals**2))
-    return found
 
 
 def _same_form(one: Candidate, other: Candidate) -> bool:

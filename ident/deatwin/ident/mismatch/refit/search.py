@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.parts import Part, free_run_residuals, reading_times
 from deatwin.plant.model import Plant
+from deatwin.plant.parameters import Scale
 
 OPENING_SAMPLES = 2000
 """Number of samples of each experiment's opening that a first fit uses, enough for the film's fast parameters."""
@@ -40,6 +41,8 @@ SAME = 1e-6
 AROUND = 4
 """Number of samples on either side of a minimum that are searched for a lower one, because noise makes the residual
 rough."""
+DECADE = 10.0
+"""Standard error of a parameter, as a factor, beyond which the readings do not determine its order of magnitude."""
 PROMISING = 1.3
 """Ratio of the mean squared residual to noise and model error below which a fit is completed."""
 
@@ -92,6 +95,24 @@ def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
     near = approach(start, parts, FORESEEN)
     found = roughly(near.plant, parts, hopeless)
     return found if found.status.ok or not near.status.ok else roughly(start, parts, hopeless)
+
+
+def where_it_acts(near: Calibration, parts: Sequence[Part], names: Collection[str]) -> Plant:
+    """Move each of some parameters that the readings hardly determine, at the end of a fit, to the best half decade."""
+    # A descent finds no slope there, as for a damping that is far too small to matter, so the parameter stays or drifts
+    # to a bound. The readings of an underdamped plant are sampled at random phases of its ringing, so they may change
+    # for the worse before they change for the better; half decades find the valley beyond.
+    errors = dict(zip(near.names, np.sqrt(np.diag(near.covariance)), strict=True))
+    known = (near.plant.parameters[name] for name in near.names if name in names)
+    found, openings = near.plant, [opening(part, OPENING_SAMPLES) for part in parts]
+    for parameter in (p for p in known if p.scale is Scale.LOGARITHMIC and not errors[p.name] < np.log(DECADE)):
+        down, up = (np.log10(end / parameter.value) for end in (parameter.lower, parameter.upper))
+        powers = np.arange(np.ceil(2.0 * down), np.floor(2.0 * up) + 1.0) / 2.0
+        tried = [found.with_values({parameter.name: parameter.value * DECADE**k}) for k in powers if k]
+        least = (1.0 - ROUGH) * _squares(found, openings)
+        losses = [_squares(plant, openings) for plant in tried]
+        found = tried[int(np.argmin(losses))] if losses and min(losses) < least else found
+    return found
 
 
 def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.inf, enough: float = 0.0) -> Calibration:
