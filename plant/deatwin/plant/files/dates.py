@@ -27,7 +27,7 @@ _NAMED = re.compile(  # March 4, 2024 12:00:00, or as C writes it, Mon Mar  4 12
     r"(?:[A-Za-z]{3,9},? +)?([A-Za-z]{3,9})\.? +(\d\d?),? +(?:(\d{4})(?:,? +(.*))?|(\d\d?:\S+) +(\d{4}))"
 )
 _ONE_NUMBER = re.compile(r"(\d\d)(\d\d)(\d\d)(?:[.,](\d+))?")
-_DURATION = re.compile(r"(?:(?:(\d+) days?,? +)?(\d+):)?(\d{1,2}):(\d\d)(?:[.,](\d+))?")
+_DURATION = re.compile(r"(?:(?:(\d+) days?,? +)?(\d+):)?(\d{1,3}):(\d\d)(?:[.,](\d+))?")
 _DAY, _HOUR = Decimal(86400), Decimal(3600)
 
 
@@ -150,7 +150,7 @@ def _of_day(cell: str) -> tuple[Decimal, Decimal]:
         hour, (minutes, seconds, fraction) = int(number[1]), number.groups()[1:]
     else:
         raise ValueError("no time of day")
-    if hour < 0 or int(minutes) > 59 or int(seconds or 0) > 59:
+    if hour < 0 or (int(minutes) > 59 and period == _DAY) or int(seconds or 0) > 59:
         raise ValueError("no time of day")
     return Decimal(f"{3600 * hour + 60 * int(minutes) + int(seconds or 0)}.{fraction or 0}"), period
 
