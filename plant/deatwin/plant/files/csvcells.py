@@ -9,8 +9,9 @@ from deatwin.plant.safe_read import clipped
 BLANKS = " "  # Delimiter that stands for any run of blanks and tabs
 NO_VALUE = frozenset("|nan|na|n/a|n.a.|null|none|-|--|---|-nan|nan(ind)|-nan(ind)|1.#qnan|-1.#ind".split("|"))
 """Marks of a missing value, in lower case: nothing, words and dashes, and C's numbers that are none."""
-_ERROR = re.compile(r"(?i:#N/?[ADV])|#[¡¿]?[^\W\d_a-z][^\sa-z]*[!?]")
-"""Error of a spreadsheet in place of a value, in the language of the program: ``#N/A``, ``#NV``, ``#DIV/0!``, ``#WERT!``."""
+_ERROR = re.compile(r"##+|(?i:#N/?[ADV])|#[¡¿]?[^\W\d_a-z][^\sa-z]*[!?]")
+"""Error of a spreadsheet in place of a value, in the language of the program: ``#N/A``, ``#NV``, ``#DIV/0!``, ``#WERT!``;
+and ``####``, where a column was too narrow."""
 COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")  # Mark before a comment, with the blanks around it
 
 
@@ -18,8 +19,10 @@ def is_comment(line: str) -> bool:
     """Return whether a line begins with ``#``, ``%`` or ``//``, and not with a cell that holds an error."""
     if not COMMENT.match(line):
         return False
-    first, *others = re.split(r"[,;\t|]", line.strip(), maxsplit=1)
-    return not (others and is_error(first.strip()))
+    ways = [re.split(r"[,;|\t]", line.strip(), maxsplit=1), line.split(maxsplit=1)]
+    if not ways[1][0].strip("#"):  # "## remark"
+        ways.pop()
+    return not any(len(parts) > 1 and is_error(parts[0].strip()) for parts in ways)
 
 
 def is_error(cell: str) -> bool:

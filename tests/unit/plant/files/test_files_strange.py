@@ -47,6 +47,10 @@ READ = {
         ),
         "utf-8",
     ),
+    "comments with several marks": (
+        "\n".join(["## Film 7", "#### Second visit ####", "####", HEAD, *ROWS[:9], "## touched", *ROWS[9:]]),
+        "utf-8",
+    ),
     "an empty comment above the names": ("\n".join(["#Oscilloscope", "#", HEAD, *ROWS]), "utf-8"),
     "remarks below the names": ("\n".join([HEAD, "clock,amplifier,laser", *ROWS]), "utf-8"),
     "times beside each channel": (
@@ -308,14 +312,15 @@ def test_a_header_repeated_without_times_is_refused(tmp_path: Path) -> None:
         read_recording(tmp_path / "r.csv", dt=0.02)
 
 
-@pytest.mark.parametrize("error", ["#N/A", "#n/a", "#NV", "#DIV/0!", "#WERT!", "#SAKNAS!", "#NOM?", "#¡VALOR!"])
+@pytest.mark.parametrize("error", ["#N/A", "#n/a", "####", "#NV", "#DIV/0!", "#WERT!", "#SAKNAS!", "#NOM?", "#¡VALOR!"])
 def test_an_error_of_a_spreadsheet_is_a_missing_value_and_no_comment(tmp_path: Path, error: str) -> None:
     """A row that begins with it would else be left out, and without times all later rows would come too early."""
     head = "displacement_mm,command_V"
     rows = [f"{error if k == 20 else y},{u}" for k, (u, y) in enumerate(zip(U, Y, strict=True))]
-    (tmp_path / "r.csv").write_text("\n".join([head, *rows]), encoding="utf-8")
-    with pytest.raises(DataError, match='row 22, column "displacement_mm": there is no value'):
-        read_recording(tmp_path / "r.csv", dt=0.02)
+    for mark in (",", ";", "\t", *([" "] if error != "####" else [])):
+        (tmp_path / "r.csv").write_text("\n".join([head, *rows]).replace(",", mark), encoding="utf-8")
+        with pytest.raises(DataError, match='row 22, column "displacement_mm": there is no value'):
+            read_recording(tmp_path / "r.csv", dt=0.02)
     timed = [f"{row},{t:.2f}" for row, t in zip(rows, T, strict=True)]
     (tmp_path / "r.csv").write_text("\n".join([f"{head},time_s", *timed]), encoding="utf-8")
     first, second = read_recordings(tmp_path / "r.csv", allow_gaps=True)
