@@ -3,49 +3,55 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.errors import SimulationError
+from deatwin.plant.errors import DeatwinError
 from deatwin.plant.integrator.collocation import radau
 from deatwin.plant.model import Plant
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rest import rest_state
+from deatwin.plant.rigs.base import ReadingTime
 
 logger = logging.getLogger(__name__)
 
 SLOW = 1e-5  # Error of a mode after one step, relative to its amplitude, below which no reading is compared
-UNSEEN = 1.0
-"""Largest sum of the squared changes of the readings, in units of the noise, that more stages may cause; a
-log-likelihood then changes by one nat (standard deviation)."""
-FINE = 1e-6  # Least noise that counts, relative to the range of a reading, because a rig may state none
+FINER = 16  # Number of steps per sample in the simulation with which readings are compared
 MORE, MOST = 2, 11  # Stages that are added at a time, and their largest number
+UNSEEN = 1.0
+"""Largest sum of the squared errors of the readings, in units of the noise; a log-likelihood then changes by one nat
+(standard deviation)."""
+FINE = 1e-6  # Least noise that counts, relative to the range of the readings, because a rig may state none
 
 
 def resolved(plant: Plant, experiments: Sequence[Experiment]) -> Plant:
-    """Return a plant with as many stages as its readings need, and warn if even the largest number is too small."""
+    """Return a plant with as many stages as its first reading needs, and warn if no number is large enough."""
     if not plant.rig.equations_known or mode_error(plant) < SLOW:
         return plant
-    first = last = _readings(plant, experiments)
-    finer = plant
-    while last is not None and finer.stages + MORE <= MOST:
-        coarser, before = finer, last
+    exact = _readings(_split(plant), [_repeated(experiment) for experiment in experiments])
+    if exact is None:
+        return plant
+    exact = _READ[plant.rig.reading](exact.reshape(-1, FINER))
+    noise = max(plant.rig.noise, FINE * float(np.ptp(exact)), np.finfo(float).tiny)
+    finer, errors = plant, []
+    while finer.stages <= MOST:
+        found = _readings(finer, experiments)
+        if found is None:
+            return plant
+        errors.append(found - exact)
+        if np.sum((errors[-1] / noise) ** 2) <= UNSEEN:
+            return finer
         finer = replace(finer, stages=finer.stages + MORE)
-        last = _readings(finer, experiments)
-        if last is not None and _change(plant, before, last) <= UNSEEN:
-            return coarser
-    if first is not None and last is not None:
-        error = with_unit(float(np.abs(last - first)[0].max()), plant.rig.output_unit)
-        logger.warning(
-            "the %s is simulated with an error of up to %s after steps of the command, because the plant moves faster than "
-            "its samples; with a shorter sample time the error is smaller",
-            plant.rig.output_name,
-            error,
-        )
+    logger.warning(
+        "the %s is simulated with an error of up to %s after steps of the command, because the plant moves faster than its "
+        "samples; with a shorter sample time the error is smaller",
+        plant.rig.output_name,
+        with_unit(float(np.abs(errors[0]).max()), plant.rig.output_unit),
+    )
     return plant
 
 
@@ -79,18 +85,41 @@ def mode_error(plant: Plant) -> float:
     return float(np.nan_to_num(np.max(errors, initial=0.0)))
 
 
-def _change(plant: Plant, before: np.ndarray, after: np.ndarray) -> float:
-    """Return the sum of the squared changes of readings (readings, n), in units of their noise."""
-    noise = np.array([reading.noise for reading in plant.rig.readings])
-    least = np.maximum(FINE * np.ptp(after, axis=1), np.finfo(float).tiny)
-    return float(np.sum(((after - before).T / np.maximum(noise, least)) ** 2))
+_READ: dict[ReadingTime, Callable[[np.ndarray], np.ndarray]] = {
+    ReadingTime.START_OF_HOLD: lambda parts: parts[:, 0],
+    ReadingTime.END_OF_HOLD: lambda parts: parts[:, -1],
+    ReadingTime.MEAN_OVER_HOLD: lambda parts: parts.mean(axis=1),
+}
+"""Reading of each sample from those of its parts, (n, parts)."""
+
+
+def _split(plant: Plant) -> Plant:
+    """Return a plant whose samples are parts of the given plant's."""
+    return plant.with_rig(replace(plant.rig, sample_time=plant.rig.sample_time / FINER))
+
+
+def _repeated(experiment: Experiment) -> Experiment:
+    """Return an experiment whose samples are parts of the given one's."""
+    return replace(
+        experiment,
+        recordings=tuple(
+            replace(
+                record,
+                inputs=np.repeat(record.inputs, FINER, axis=1),
+                outputs=np.repeat(record.outputs, FINER, axis=1),
+                extras={name: np.repeat(row, FINER) for name, row in record.extras.items()},
+                sample_time=record.sample_time / FINER,
+            )
+            for record in experiment.recordings
+        ),
+    )
 
 
 def _readings(plant: Plant, experiments: Sequence[Experiment]) -> np.ndarray | None:
-    """Return the simulated readings of all experiments, shape (readings, n); None if a simulation fails."""
+    """Return the first reading in all experiments, (n,); None if a simulation fails."""
     try:
         runs = [plant.simulate(experiment) for experiment in experiments]
-    except SimulationError:
+    except DeatwinError:
         return None
-    outputs = np.hstack([rows for run in runs for rows in run.outputs])
-    return outputs if np.isfinite(outputs).all() else None
+    found = np.concatenate([rows[0] for run in runs for rows in run.outputs])
+    return found if np.isfinite(found).all() else None

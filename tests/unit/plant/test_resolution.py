@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from deatwin.plant import Plant
+from deatwin.plant import Plant, ReadingTime
 from deatwin.plant.resolution import mode_error, resolved
 
 pytestmark = pytest.mark.usefixtures("uncompiled")
@@ -32,16 +32,21 @@ def exactly(commands: np.ndarray, frequency: float) -> np.ndarray:
     return np.array(found)
 
 
-def ringing(oscillator, frequency: float) -> Plant:
-    return Plant(rig=oscillator(noise=1e-6), values={"damping": 2 * DECAY, "stiffness": frequency**2 + DECAY**2})
+def ringing(oscillator, frequency: float, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> Plant:
+    return Plant(
+        rig=oscillator(noise=1e-6, reading=reading), values={"damping": 2 * DECAY, "stiffness": frequency**2 + DECAY**2}
+    )
 
 
-def test_a_mode_faster_than_the_samples_is_followed(oscillator, experiment) -> None:
+@pytest.mark.parametrize("reading", [ReadingTime.END_OF_HOLD, ReadingTime.START_OF_HOLD])
+def test_a_mode_faster_than_the_samples_is_followed(oscillator, experiment, reading: ReadingTime) -> None:
     """Its frequency is 0.8 of the sampling rate, as of a stack with a mass of 200 g at 100 samples per second."""
     frequency = 0.8 * 2 * np.pi / STEP
     commands = np.repeat(np.random.default_rng(1).uniform(0.0, 60.0, 30), 5)
-    plant, held = ringing(oscillator, frequency), experiment(commands)
+    plant, held = ringing(oscillator, frequency, reading), experiment(commands)
     truth = exactly(commands, frequency)
+    if reading is ReadingTime.START_OF_HOLD:
+        truth = np.append(0.0, truth[:-1])
 
     def error(one: Plant) -> float:
         return float(np.abs(one.simulate(held).outputs[0][0] - truth).max())
