@@ -14,6 +14,8 @@ from deatwin.plant.rigs.rigkeys import HIGHEST_FILM_VOLTAGE
 
 # Tolerated excess over the stated command range, as a share of its width.
 _RANGE_MARGIN = 0.5
+# Least and largest stretch of a strip in a test machine, where the rig file states none: a shorter strip hangs slack.
+_PULLED = (0.9, 20.0)
 # Least share of the highest command that a column of film volts uses, once divided by the gain: it drives a film.
 _LEAST_USE = 0.01
 # Percentiles that bound the motion: 90 % of the samples lie between them, so that spikes do not count.
@@ -84,10 +86,14 @@ def _check_units(recording: Recording, rows: list[tuple[str, tuple[str, ...], tu
 
 
 def check_command_range(recording: Recording, drive: DriveSpec) -> None:
-    """Raise an error for commands beyond the rig's range by more than half of it (30 kV if there is none)."""
+    """Raise an error for commands beyond the rig's range by more than half of it.
+
+    If the rig file states no range, it is that of a strip which is pulled, or 30 kV on the film.
+    """
     ceiling = HIGHEST_FILM_VOLTAGE / drive.gain
-    low = -ceiling if drive.command_min is None else drive.command_min
-    high = ceiling if drive.command_max is None else drive.command_max
+    least, largest = (-ceiling, ceiling) if drive.unit == "V" else _PULLED
+    low = least if drive.command_min is None else drive.command_min
+    high = largest if drive.command_max is None else drive.command_max
     margin = _RANGE_MARGIN * (high - low)
     stated = drive.command_min is not None and drive.command_max is not None
     floor, top = (low - margin, high + margin) if stated else (low, high)
@@ -103,6 +109,9 @@ def check_command_range(recording: Recording, drive: DriveSpec) -> None:
         f"{amount(f'{low:g}', drive.unit)} to {amount(f'{high:g}', drive.unit)} (the first one outside is at "
         f"{recording.timepts[sample]:g} s)"
     )
+    as_stretch = 1.0 + command
+    if drive.unit != "V" and as_stretch.min() >= low and as_stretch.max() <= high:
+        text += "; the values look like strains: add 1 to the column"
     as_command = command / drive.gain
     if as_command.min() >= floor and max(low, _LEAST_USE * high) <= as_command.max() <= top:
         text += (

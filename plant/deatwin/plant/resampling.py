@@ -36,6 +36,8 @@ interpolation leaves less than half anyway."""
 _FINEST = 10.0
 """Largest number of new rows per usual step. With ten, nine of ten rows already lie on a straight line between two
 others, and a model would learn the interpolation."""
+_HELD = {ReadingTime.START_OF_HOLD: 0.0, ReadingTime.MEAN_OVER_HOLD: 0.5, ReadingTime.END_OF_HOLD: 1.0}
+"""Share of its hold after which a row is read, on average."""
 _STAYS = 0.5  # Share of unchanged rows from which a command is a staircase
 _TOLD = 2000  # Number of new rows that determine the gain of the interpolation to 1 %
 _ROUNDED = 1e-6  # Jitter, in steps, up to which times are even apart from rounding in print
@@ -80,10 +82,14 @@ class Resampling:
             f"linearly and keep {self.bandwidth(reading):.3g} Hz to 3 dB (Nyquist frequency {nyquist:.4g} Hz); commands are held"
         )
 
-    def readings(self, piece: int, values: Floats) -> Floats:
+    def readings(self, piece: int, values: Floats, reading: ReadingTime) -> Floats:
         """Return a reading on the finer clock of a piece."""
         first, last = self.rows[piece]
-        return np.interp(self.clocks[piece], self.timepts[first:last], values[first:last])
+        # A row that is read at the end of its hold is read the later, the longer the hold is.
+        usual, spread = float(np.median(self.steps)), float(np.std(self.steps))
+        usual = _offered(usual) if spread > _ROUNDED * usual else usual
+        longer = self.sample_time / self.factor - usual
+        return np.interp(self.clocks[piece] + _HELD[reading] * longer, self.timepts[first:last], values[first:last])
 
     def commands(self, piece: int, values: Floats) -> Floats:
         """Return a command on the finer clock of a piece: levels of a staircase, means of any other."""
@@ -171,7 +177,7 @@ def resampling_options(timepts: Floats, usual: float | None = None) -> ReadOptio
     """Return the options that bring rows at uneven times, s, onto an even clock; None where none do."""
     if len(timepts) < 2 or not (np.diff(timepts) > 0.0).all():
         return None
-    step = float(f"{np.median(np.diff(timepts)) if usual is None else usual:.2g}")
+    step = _offered(float(np.median(np.diff(timepts))) if usual is None else usual)
     for allow_gaps in (False, True):
         try:
             plan_resampling(timepts, step, str, allow_gaps=allow_gaps)
@@ -179,6 +185,11 @@ def resampling_options(timepts: Floats, usual: float | None = None) -> ReadOptio
             continue
         return ReadOptions(resample=step, allow_gaps=allow_gaps)
     return None
+
+
+def _offered(usual: float) -> float:
+    """Return the even sample time, s, for rows that are usually so far apart: two digits."""
+    return float(f"{usual:.2g}")
 
 
 def _clock(times: Floats, origin: float, sample_time: float, factor: int) -> Floats:
@@ -213,7 +224,7 @@ def resample(
     timepts : (n,) array_like, optional
         True times of the samples, s; by default, the times on the recording's clock.
     reading : ReadingTime
-        Time within a sample at which the reading is taken; used if the new sample time is longer than the old one.
+        Time within a sample at which the reading is taken.
 
     Returns
     -------
@@ -245,10 +256,12 @@ def resample(
     fine = replace(
         recording,
         inputs=np.array([plan.commands(0, row) for row in recording.inputs]).reshape(len(recording.inputs), -1),
-        outputs=np.array([plan.readings(0, row) for row in recording.outputs]).reshape(len(recording.outputs), -1)
+        outputs=np.array([plan.readings(0, row, reading) for row in recording.outputs]).reshape(
+            len(recording.outputs), -1
+        )
         if len(recording.outputs)
         else np.empty((0, plan.clocks[0].size)),
-        extras={extra: plan.readings(0, row) for extra, row in recording.extras.items()},
+        extras={extra: plan.readings(0, row, reading) for extra, row in recording.extras.items()},
         sample_time=sample_time / plan.factor,
         start=float(plan.clocks[0][0]),
         provenance={**recording.provenance, "resampled": plan.sentence(reading)},

@@ -121,7 +121,7 @@ def undefined_ahead(
             which = "the reading has no finite value"
         if which:
             return _blamed(which, equations, values) or (
-                f"{which} near {at}, as a quotient by zero, a logarithm or a root there: the equations must have a "
+                f"{which}{f' near {at}' if at else ''}, as a quotient by zero, a logarithm or a root there: the equations must have a "
                 "value wherever the plant may go"
             )
     return ""

@@ -180,6 +180,9 @@ FILES = {
     "frequency.lvm": LVM.replace("Time\tTime\t", "Frequency\tFrequency\t"),
     "milli.lvm": LVM.replace("X_Dimension", "X_Unit_Label\tms\tms\t\nX_Dimension"),
     "labels.lvm": LVM.replace("\tcommand\t", "\tcommand_mV\t"),
+    "apart.lvm": LVM.replace(
+        "X_Dimension", "Date\t2024/05/01\t2024/05/01\t\nTime\t12:00:00.5\t12:00:02\t\nX_Dimension"
+    ),
     "steps.lvm": LVM.replace("Delta_X\t0.02", "Delta_X\t0.01"),
     "others.lvm": LVM + LVM.partition("***End_of_Header***")[2].replace("displacement", "force"),
     "multi.lvm": LVM.replace("X_Columns\tNo", "X_Columns\tMulti")

@@ -121,6 +121,16 @@ class TestChecks:
         ):
             check_command_range(recording, drive)
 
+    def test_strains_are_no_stretches(self) -> None:
+        """A strip at the stretch of 0.2 would be compressed to a fifth; at a strain of 0.2 it is pulled."""
+        recording = Recording.from_arrays([0.2, 0.5], [0.0, 0.0], 0.02)
+        with pytest.raises(DataError, match=r"command of 0.5 is outside .*, 0.9 to 20 .* look like strains: add 1 to"):
+            check_command_range(recording, DriveSpec(unit="1"))
+        check_command_range(recording, DriveSpec(unit="1", command_min=0.1))  # as the rig file states
+        check_command_range(Recording.from_arrays([0.999, 1.5], [0.0, 0.0], 0.02), DriveSpec(unit="1"))
+        with pytest.raises(DataError, match=r"\(the first one outside is at 0 s\)$"):  # an extension in mm
+            check_command_range(Recording.from_arrays([0.0, 25.0], [0.0, 0.0], 0.02), DriveSpec(unit="1"))
+
     def test_far_outside_but_no_film_volts(self) -> None:
         recording = Recording.from_arrays([2.0, -9.0], [0.0, 0.0], 0.02)
         with pytest.raises(

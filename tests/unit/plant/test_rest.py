@@ -15,6 +15,7 @@ from made_rigs import Bare
 
 from deatwin.plant import (
     Builder,
+    Coupon,
     Diaphragm,
     Experiment,
     Hysteresis,
@@ -337,3 +338,9 @@ def test_an_effect_whose_code_fails_is_not_taken_for_one_that_does_not_fit() -> 
 
     with pytest.raises(RigError, match="raised ValueError: a slip of the pen"):
         Plant(rig=Diaphragm()).accepts(Broken())
+
+
+def test_a_rig_without_unknowns_names_no_place_of_its_fault(experiment) -> None:
+    """The force of a strip follows its stretch at once, and a stretch of 0 has no volume."""
+    found = Plant(rig=Coupon()).simulate(experiment(np.array([1.0, 0.0]), sample_time=Coupon().sample_time))
+    assert "no finite value, as a quotient by zero" in found.advice

@@ -21,6 +21,7 @@ from deatwin.plant.effects.base import Alone, Effect, require_effects
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.model import Plant
 from deatwin.plant.readings import Reading
+from deatwin.plant.resolution import resolved
 from deatwin.plant.rigs.base import Rig
 
 Levels = tuple[tuple[np.ndarray, ...], ...]
@@ -51,7 +52,7 @@ def prepare(
     -------
     DiagnosisProblem
         Diagnosis problem. Its plant has the model error that is expected for these recordings. This plant is simulated
-        with fewer stages (`Plant.stages`) than `plant` if this hardly changes the readings.
+        with more or fewer stages (`Plant.stages`) than `plant`: as few as hardly change the readings.
     Base
         The calibrated plant, with the same model error and number of stages.
 
@@ -63,6 +64,7 @@ def prepare(
         If the plant cannot be simulated on the recordings.
     """
     known = effects_for(plant.rig, effects)
+    plant = resolved(plant, checked.experiments)
     problem = _problem_of(plant, checked, known, jobs)
     base = calibrate_base(problem)
     noisier = _noisier(base, problem)

@@ -372,7 +372,7 @@ def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple
     """Resample rows to an even clock, and return the recordings."""
     made = []
     for piece, (clock, rows) in enumerate(zip(plan.clocks, plan.rows, strict=True)):
-        readings, commands = partial(plan.readings, piece), partial(plan.commands, piece)
+        commands, readings = partial(plan.commands, piece), partial(plan.readings, piece, reading=reading)
         take = {"input": commands, "output": readings, "extra": readings}
         about = source.origin(*rows) | {"resampled": plan.sentence(reading)}
         fine = source.recording(clock, plan.sample_time / plan.factor, take, about)

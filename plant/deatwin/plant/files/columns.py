@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
-from itertools import compress
+from itertools import compress, islice
 
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.csvcells import is_number
@@ -25,6 +25,7 @@ _USUAL = {"input": "command", "output": "displacement"}
 _EXTRAS = ("film_voltage", "current", "capacitance", "temperature", "force")
 # Likeness to a usual header from which an unused column is refused as a misspelling.
 _MISSPELT = 0.85
+_FIRST = 1000  # Number of values by which columns are compared
 _CHANNELS = 50  # Largest number of channels in a table with one row for each reading
 
 
@@ -131,6 +132,11 @@ def works(table: Table, column: int, unit: str | None = None) -> bool:
     return True
 
 
+def alike(table: Table, one: int, other: int) -> bool:
+    """Return whether two columns begin with the same values, as do the times that are written before each channel."""
+    return one == other or list(islice(table.texts(one), _FIRST)) == list(islice(table.texts(other), _FIRST))
+
+
 def data_columns(
     table: Table, role: str, wanted: str | None, busy: Collection[int] = frozenset(), unit: str | None = None
 ) -> tuple[int, ...]:
@@ -166,7 +172,7 @@ def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
     """Return an error for a file without a header, with a way to name the columns for these roles."""
     columns = range(len(table.headers))
     times = next(iter(likely_times(table, set())), None)
-    places = [f"#{k + 1}" for k in columns if k != times and works(table, k)]
+    places = [f"#{k + 1}" for k in columns if not (times is not None and alike(table, k, times)) and works(table, k)]
     pairs = [pair for pair in zip(("input", "output"), places, strict=False) if pair[0] in roles]
     said = NO_OPTIONS
     for role, place in pairs:

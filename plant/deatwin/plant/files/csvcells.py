@@ -7,17 +7,31 @@ from deatwin.plant.files.dates import is_clock, is_date
 from deatwin.plant.safe_read import clipped
 
 BLANKS = " "  # Delimiter that stands for any run of blanks and tabs
-NO_VALUE = frozenset(
-    "|nan|na|n/a|n.a.|null|none|-|--|---|-nan|nan(ind)|-nan(ind)|1.#qnan|-1.#ind"
-    "|#n/a|#div/0!|#num!|#value!|#ref!|#name?|#null!".split("|")
-)
-"""Marks of a missing value, in lower case: nothing, words and dashes, C's numbers that are none, and errors of Excel."""
+NO_VALUE = frozenset("|nan|na|n/a|n.a.|null|none|-|--|---|-nan|nan(ind)|-nan(ind)|1.#qnan|-1.#ind".split("|"))
+"""Marks of a missing value, in lower case: nothing, words and dashes, and C's numbers that are none."""
+_ERROR = re.compile(r"##+|(?i:#N/?[ADV])|#[¡¿]?[^\W\d_a-z][^\sa-z]*[!?]")
+"""Error of a spreadsheet in place of a value, in the language of the program: ``#N/A``, ``#NV``, ``#DIV/0!``, ``#WERT!``;
+and ``####``, where a column was too narrow."""
 COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")  # Mark before a comment, with the blanks around it
 
 
 def is_comment(line: str) -> bool:
-    """Return whether a line begins with ``#``, ``%`` or ``//``."""
-    return COMMENT.match(line) is not None
+    """Return whether a line begins with ``#``, ``%`` or ``//``, and not with a cell that holds an error."""
+    if not COMMENT.match(line):
+        return False
+    ways = [re.split(r"[,;|\t]", line.strip(), maxsplit=1), line.split(maxsplit=1)]
+    if not ways[1][0].strip("#"):  # "## remark"
+        ways.pop()
+    return not any(len(parts) > 1 and is_error(parts[0].strip()) for parts in ways)
+
+
+def is_error(cell: str) -> bool:
+    """Return whether a cell holds an error of a spreadsheet.
+
+    >>> is_error("#N/A"), is_error("#WERT!"), is_error("#1"), is_error("#remark")
+    (True, True, False, False)
+    """
+    return _ERROR.fullmatch(cell) is not None
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:

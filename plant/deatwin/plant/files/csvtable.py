@@ -14,7 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
-from deatwin.plant.files.csvcells import BLANKS, NO_VALUE, formula, is_comment, is_number, split_cells
+from deatwin.plant.files.csvcells import (
+    BLANKS,
+    NO_VALUE,
+    formula,
+    holds_number,
+    is_comment,
+    is_error,
+    is_number,
+    split_cells,
+)
 from deatwin.plant.files.csvheader import names_and_units
 from deatwin.plant.files.csvnumbers import si_values
 from deatwin.plant.files.csvtext import (
@@ -28,7 +37,7 @@ from deatwin.plant.files.csvtext import (
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import for_name, split_unit
-from deatwin.plant.files.units import find_unit
+from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
@@ -45,6 +54,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points between thousands
 _DIGITS = 3  # Number of digits in a group of thousands
 _FEW = 1000  # Number of cells that are looked at first
+_EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
 _ALIKE = 3  # Number of rows that show how many digits numbers have
 _PIECE = 50_000  # Number of lines that are split at a time
 
@@ -318,17 +328,17 @@ def _may_be_thousands(cells: Sequence[str]) -> bool:
 
 
 def _advice(cell: str) -> str:
-    """Return advice for a cell that holds more than a number; empty if there is none."""
+    """Return advice for a cell that is no number; empty if there is none."""
     if re.search(r"\d:\d\d", cell):
         return "; write a date as in 2024-05-01 12:00:00.25, and a time of day as in 12:00:00.25"
     if re.fullmatch(r"[-+]?[\d.,]*\d\s?[^\W\d_].{0,5}", cell):
         return "; write only numbers in the rows, and the unit, with its prefix, in the header"
-    return ""
+    return "" if re.search(r"\d", cell) else "; if it marks a missing value, leave the cell empty"
 
 
 def _is_absent(cell: str) -> bool:
     """Return whether a cell marks a missing value."""
-    return cell.strip().lower() in NO_VALUE
+    return cell.strip().lower() in NO_VALUE or is_error(cell)
 
 
 def read_table(path: str | Path) -> CsvTable:
@@ -359,12 +369,13 @@ def _unzipped(content: bytes, path: str) -> bytes:
 def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) -> CsvTable:
     """Return the table in lines of text, of which each has its number in the file."""
     last = len(lines)
-    while last and not lines[last - 1].strip(",;|\t "):  # empty rows of a spreadsheet
+    while last and not lines[last - 1].strip(_EMPTY):
         last -= 1
     rows, lines = rows[:last], list(lines[:last])
     if not all(map(str.strip, lines)):
         kept = [k for k, line in enumerate(lines) if line.strip()]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
+    rows, lines = _without_empty_rows(rows, lines)
     lines = [_FORTRAN.sub(r"\1E", line) if "D" in line or "d" in line else line for line in lines]
     declared = Declared()
     if lines and lines[0].startswith(DESCRIPTION):
@@ -396,7 +407,7 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         kept = [k for k, line in enumerate(lines) if not is_comment(line)]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
     # A logger that is started again repeats its header; without times the runs could not be told apart.
-    if layout.head and header in lines and any(map(LIKE_TIMES.search, names)):
+    if layout.head and header in lines and any(map(_is_time, names, units)):
         kept = [k for k, line in enumerate(lines) if line not in above]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
     require_no_settings(lines, rows, layout.delimiter, name)
@@ -418,6 +429,26 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         rows=rows,
         delimiter=layout.delimiter,
     )
+
+
+def _is_time(name: str, unit: str) -> bool:
+    """Return whether a column holds times, as its name or its unit says."""
+    return LIKE_TIMES.search(name) is not None or (unit in UNITS and UNITS[unit].si == "s")
+
+
+def _without_empty_rows(rows: Sequence[int], lines: list[str]) -> tuple[Sequence[int], list[str]]:
+    """Return lines and their rows without the rows of empty cells between the lines of a header.
+
+    Below a line with numbers such a row is kept, because there it may be a sample.
+    """
+    kept: list[int] = []
+    for k, line in enumerate(lines[:_FEW]):
+        mark = "" if line.strip(_EMPTY) else line.strip()[0]
+        if not mark or (kept and holds_number(split_cells(lines[kept[-1]], mark))):
+            kept.append(k)
+    if len(kept) == min(_FEW, len(lines)):
+        return rows, lines
+    return [*(rows[k] for k in kept), *rows[_FEW:]], [*(lines[k] for k in kept), *lines[_FEW:]]
 
 
 def _unit_of_rows(name: str, rows: Sequence[Sequence[str]], column: int) -> tuple[str, str]:

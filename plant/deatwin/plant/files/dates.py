@@ -27,7 +27,8 @@ _NAMED = re.compile(  # March 4, 2024 12:00:00, or as C writes it, Mon Mar  4 12
     r"(?:[A-Za-z]{3,9},? +)?([A-Za-z]{3,9})\.? +(\d\d?),? +(?:(\d{4})(?:,? +(.*))?|(\d\d?:\S+) +(\d{4}))"
 )
 _ONE_NUMBER = re.compile(r"(\d\d)(\d\d)(\d\d)(?:[.,](\d+))?")
-_DURATION = re.compile(r"(?:(?:(\d+) days?,? +)?(\d+):)?(\d{1,2}):(\d\d)(?:[.,](\d+))?")
+_DURATION = re.compile(r"(?:(?:(\d+) days?,? +)?(\d+):)?(\d{1,3}):(\d\d)(?:[.,](\d+))?")
+_DAY, _HOUR = Decimal(86400), Decimal(3600)
 
 
 def is_date(cell: str) -> bool:
@@ -121,32 +122,37 @@ def _hour(time: re.Match[str]) -> int:
 
 
 def day_seconds(cells: Iterable[str]) -> list[Decimal]:
-    """Return times of day, or elapsed ones, as seconds that go on past midnight, where they fall by half a day."""
+    """Return times of day, or elapsed ones, as seconds that go on past midnight, where they fall by half a day.
+
+    Minutes without hours, as in 59:59.9, go on past the hour.
+    """
     found: list[Decimal] = []
-    days = Decimal(0)
+    passed = Decimal(0)
     for cell in cells:
-        seconds = _of_day(cell.strip())
-        if found and seconds + days < found[-1] - 43200 and seconds < 86400:
-            days += 86400
-        found.append(seconds + days)
+        seconds, period = _of_day(cell.strip())
+        if found and seconds + passed < found[-1] - period / 2 and seconds < period:
+            passed += period
+        found.append(seconds + passed)
     return found
 
 
-def _of_day(cell: str) -> Decimal:
-    """Return a time of day, or an elapsed time, in seconds."""
+def _of_day(cell: str) -> tuple[Decimal, Decimal]:
+    """Return a time of day, or an elapsed time, and the period after which it begins anew, in seconds."""
+    period = _DAY
     clock = _CLOCK.fullmatch(cell)
     if clock and not clock[6] and (clock[3] or clock[5]):
         hour, minutes, seconds, fraction = _hour(clock), clock[2], clock[3], clock[4]
     elif (long := _DURATION.fullmatch(cell)) and (long[2] or long[5]):
         hour = 24 * int(long[1] or 0) + int(long[2] or 0)
+        period = _DAY if long[2] else _HOUR
         minutes, seconds, fraction = long[3], long[4], long[5]
     elif number := _ONE_NUMBER.fullmatch(_padded(cell)):
         hour, (minutes, seconds, fraction) = int(number[1]), number.groups()[1:]
     else:
         raise ValueError("no time of day")
-    if hour < 0 or int(minutes) > 59 or int(seconds or 0) > 59:
+    if hour < 0 or (int(minutes) > 59 and period == _DAY) or int(seconds or 0) > 59:
         raise ValueError("no time of day")
-    return Decimal(f"{3600 * hour + 60 * int(minutes) + int(seconds or 0)}.{fraction or 0}")
+    return Decimal(f"{3600 * hour + 60 * int(minutes) + int(seconds or 0)}.{fraction or 0}"), period
 
 
 def _padded(cell: str) -> str:

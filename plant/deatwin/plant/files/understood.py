@@ -8,7 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.columns import chosen_columns, data_columns, extra_columns, with_readings, works
+from deatwin.plant.files.columns import alike, chosen_columns, data_columns, extra_columns, with_readings, works
+from deatwin.plant.files.dates import is_date
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import recordings_of_table, table_of_file
 from deatwin.plant.files.timecolumns import likely_times, time_column
@@ -142,6 +143,7 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
     times = _times(table, set(known.values()), asked["time"])
     left = [k for k in range(len(table.headers)) if k not in times and k not in known.values()]
     left = [k for k in left if table.unit(k).si != "s"]  # a part of the time, such as its milliseconds
+    left = [k for k in left if not any(alike(table, k, clock) for clock in times)]
     # A column with a single bad cell is still a candidate; the next error names that cell.
     free = [k for k in left if works(table, k) or _mostly_numbers(table, k)]
     free = [k for k in free if not _counts(table, k)] or free
@@ -166,7 +168,7 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
 
 
 def _mostly_numbers(table: Table, column: int) -> bool:
-    cells = [cell for cell in table.texts(column) if cell.strip()]
+    cells = [cell for cell in table.texts(column) if cell.strip() and not is_date(cell.strip())]
     return 2 * sum(map(bool, map(_LIKE_NUMBER.fullmatch, cells))) > len(cells)
 
 

@@ -141,9 +141,8 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Coll
     better = header_like(name.removesuffix(unit).rstrip(" _") if name.endswith(unit) else name, wanted)
     if wanted == "1":
         return DataError(
-            f"{place}, but the plant declares no unit for it: it is unclear whether the plant needs the numbers in this "
-            f"column or the values in SI units; declare the unit in the plant, or, if the plant needs the numbers in this "
-            f'column, name the column "{better}"'
+            f"{place}, but the model needs plain numbers: compute a ratio, such as a stretch, from this column first; if the "
+            f'model needs the numbers in this column as they are, name the column "{better}"'
         )
     likes = units_like(wanted)
     fault = f"{place}, but the model needs it in {wanted}"

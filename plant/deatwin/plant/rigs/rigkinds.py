@@ -165,7 +165,11 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
             film={
                 "length_mm": length("length", "along the axis, before stretching"),
                 "width_mm": NumberKey(
-                    field="width", lower=0.1, upper=1e5, per_si=1e3, about="along the winding, before stretching"
+                    field="width",
+                    lower=0.1,
+                    upper=1e5,
+                    per_si=1e3,
+                    about="along the winding, before stretching; of two films wound together, the sum",
                 ),
                 "prestretch": PRESTRETCH,
                 "hoop_prestretch": NumberKey(field="hoop_prestretch", lower=1.0, upper=10.0, about="around the axis"),

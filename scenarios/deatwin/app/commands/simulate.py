@@ -62,10 +62,13 @@ def simulate(
 
     Example: deatwin simulate result/model.json check.csv --history noise.csv --out predicted.csv
     """
+    from dataclasses import replace
+
     from deatwin.app.given import GivenPlant, clock_notes, column_of, reading_column
     from deatwin.plant.files import write_csv
     from deatwin.plant.files.assemble import on_one_clock
     from deatwin.plant.readoptions import ReadOptions
+    from deatwin.plant.resolution import resolved
     from deatwin.studies.folder import require_place
 
     voice = Voice(as_json=as_json, quiet=quiet)
@@ -77,6 +80,7 @@ def simulate(
     experiment = _experiment(wanted, earlier, history or [])
     for note in clock_notes(experiment.recordings):
         voice.say(note)
+    model = replace(model, plant=resolved(model.plant, [experiment]))
     prediction = _finished(model.predict(experiment), model)
     at = next(k for k, record in enumerate(experiment.recordings) if record is wanted)
     header, per_si = reading_column(model.plant.rig)

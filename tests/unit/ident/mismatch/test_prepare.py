@@ -30,6 +30,7 @@ from deatwin.plant.integrator.compiled import compiler
 NOMINAL = Plant(rig=Diaphragm())
 UNREAD = object.__new__(DataQuality)
 """Recordings at which a test does not look."""
+object.__setattr__(UNREAD, "experiments", ())
 
 
 def test_the_motion_is_the_same_into_however_many_records_it_is_cut():

@@ -262,3 +262,15 @@ def test_seconds_stay_seconds(tmp_path: Path, first: float, step: float) -> None
     (tmp_path / "r.csv").write_text("\n".join(["time,command_V,displacement_mm", *rows, ""]), encoding="utf-8")
     found = read_recording(tmp_path / "r.csv")
     assert (found.sample_time, found.start) == (pytest.approx(step, rel=1e-8), first)
+
+
+def test_minutes_and_seconds_go_on_past_the_hour(tmp_path: Path) -> None:
+    """As a spreadsheet writes times with decimals: without the hour."""
+    recording = read_recording(written(tmp_path, stamps("%M:%S,~")))
+    assert the_clock(recording) == (pytest.approx(STEP), pytest.approx(39 * STEP))
+
+
+def test_elapsed_minutes_may_exceed_an_hour(tmp_path: Path) -> None:
+    times = [3590.0 + STEP * k for k in range(80)]
+    recording = read_recording(written(tmp_path, [f"{int(t // 60)}:{t % 60:05.2f}" for t in times], mark=","))
+    assert the_clock(recording) == (pytest.approx(STEP), pytest.approx(79 * STEP))

@@ -95,6 +95,16 @@ def test_one_header_for_all_segments(write) -> None:
     check(read_recording(write(lvm(seconds=(0, 1), multi=False)), **ASKED), segments=2)
 
 
+@pytest.mark.parametrize("x", ["No", "One", "Multi"])
+def test_channels_that_were_started_apart(write, x: str) -> None:
+    """Their x values are relative to the dates of their first samples."""
+    started = "12:00:00.0000000000000000000"
+    before, _, after = lvm(x=x).rpartition(started)
+    check(read_recording(write(f"{before}12:00:00.0900000000000000000{after}"), **ASKED))  # less than half a sample
+    with pytest.raises(DataError, match=r"row 27: the channels below begin up to 2 s apart \(Date, Time\)"):
+        read_recording(write(f"{before}12:00:02.0000000000000000000{after}"), **ASKED)
+
+
 def test_place_of_a_fault(write) -> None:
     with pytest.raises(DataError, match=r'row 29, column "Laser": "off" is not a number'):
         read_recording(write(lvm().replace("0.500\tsaid", "off\tsaid")), **ASKED)

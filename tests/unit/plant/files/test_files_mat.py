@@ -212,6 +212,25 @@ def test_units_of_the_fields_of_a_compound_data_set(tmp_path: Path, units: str |
     check(read_recording(tmp_path / "r.h5", input_column="u", output_column="y"))
 
 
+@pytest.mark.parametrize("field", ["Name", "name", "label"])
+def test_a_name_beside_the_only_vector_of_a_struct(tmp_path: Path, field: str) -> None:
+    """As dSPACE and Simulink export signals: in the order of the program, each with its name beside its values."""
+    signals = [("y", 0.1 * COMMAND, "mm"), ("", np.zeros_like(COMMAND), ""), ("u", COMMAND, "V")]
+    kinds = [(field, object), ("Data", object), ("Unit", object)]
+    array = np.array([[(name, values, unit) for name, values, unit in signals]], dtype=kinds)
+    clock = {field: "Time", "Data": 1e3 * TIME, "Unit": "ms"}
+    savemat(tmp_path / "r.mat", {"run_1": {"X": clock, "Y": array}})
+    check(read_recording(tmp_path / "r.mat", input_column="u", output_column="y"))
+
+
+def test_equal_names_beside_vectors_name_none(tmp_path: Path) -> None:
+    kinds = [("name", object), ("values", object)]
+    array = np.array([[("a", COMMAND), ("a", 2.0 * COMMAND)]], dtype=kinds)
+    savemat(tmp_path / "r.mat", {"s": array, "time": TIME})
+    read = read_recording(tmp_path / "r.mat", input_column="s(2).values", output_column="s(1).values")
+    np.testing.assert_array_equal(read.inputs[0], 2.0 * COMMAND)
+
+
 @pytest.mark.parametrize("form", ["Units.{}", "unit.{}", "{}_unit", "{}_units"])
 def test_each_way_to_name_a_unit_in_matlab(tmp_path: Path, form: str) -> None:
     variables: dict = {"time": 1e3 * TIME, "u": COMMAND, "y": 0.1 * COMMAND}

@@ -62,6 +62,13 @@ def test_version_4(path: Path, units: str, factor: float) -> None:
     check(read_recording(path))
 
 
+def test_a_unit_with_a_power_of_ten(path: Path) -> None:
+    known = dataset()
+    known["displacement"].attrs["units"] = "1e-3 m"
+    known.to_netcdf(path, engine="h5netcdf")
+    check(read_recording(path))
+
+
 def test_times_as_dates(path: Path) -> None:
     made = dataset().assign_coords(time=np.datetime64("2024-01-02", "ns") + (TIME * 1e9).round().astype("m8[ns]"))
     made.to_netcdf(path, engine="h5netcdf")

@@ -28,6 +28,12 @@ READ = {
         "utf-8",
     ),
     "empty rows of a spreadsheet": ("\n".join([HEAD, *ROWS, ",,", ",,"]), "utf-8"),
+    "empty rows between the lines of a header": (
+        "\n".join(["Film;7;", ";;", "time;command;displacement", " ; ;", "s;V;mm", ";;", ";;"])
+        + "\n"
+        + "\n".join(row.replace(",", ";") for row in ROWS),
+        "utf-8",
+    ),
     "channels below the names": ("\n".join(["time,command,displacement", ",AI0,AI1", "s,V,mm", *ROWS]), "utf-8"),
     "a title of as many words": (
         "\n".join(
@@ -39,6 +45,10 @@ READ = {
         "\n".join(
             ["Units,V,mm", *(f"Vertical {name},1,1" for name in ("offset", "scale", "position")), ",,", HEAD, *ROWS]
         ),
+        "utf-8",
+    ),
+    "comments with several marks": (
+        "\n".join(["## Film 7", "#### Second visit ####", "####", HEAD, *ROWS[:9], "## touched", *ROWS[9:]]),
         "utf-8",
     ),
     "an empty comment above the names": ("\n".join(["#Oscilloscope", "#", HEAD, *ROWS]), "utf-8"),
@@ -56,6 +66,13 @@ READ = {
     "a header repeated after a restart": (
         "\n".join(
             ["time,command,displacement", "s,V,mm", *ROWS[:20], "time,command,displacement", "s,V,mm", *ROWS[20:]]
+        ),
+        "utf-8",
+    ),
+    "a repeated header that says only the unit of its times": (
+        "\n".join(
+            ("ms" + HEAD[6:] + "\n") * (k in (0, 20)) + row
+            for k, row in enumerate(with_times([f"{1e3 * t:.0f}" for t in T]))
         ),
         "utf-8",
     ),
@@ -293,6 +310,36 @@ def test_a_header_repeated_without_times_is_refused(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("\n".join([head, *rows, head, *rows]), encoding="utf-8")
     with pytest.raises(DataError, match=f"row {len(ROWS) + 2}"):
         read_recording(tmp_path / "r.csv", dt=0.02)
+
+
+@pytest.mark.parametrize("error", ["#N/A", "#n/a", "####", "#NV", "#DIV/0!", "#WERT!", "#SAKNAS!", "#NOM?", "#¡VALOR!"])
+def test_an_error_of_a_spreadsheet_is_a_missing_value_and_no_comment(tmp_path: Path, error: str) -> None:
+    """A row that begins with it would else be left out, and without times all later rows would come too early."""
+    head = "displacement_mm,command_V"
+    rows = [f"{error if k == 20 else y},{u}" for k, (u, y) in enumerate(zip(U, Y, strict=True))]
+    for mark in (",", ";", "\t", *([" "] if error != "####" else [])):
+        (tmp_path / "r.csv").write_text("\n".join([head, *rows]).replace(",", mark), encoding="utf-8")
+        with pytest.raises(DataError, match='row 22, column "displacement_mm": there is no value'):
+            read_recording(tmp_path / "r.csv", dt=0.02)
+    timed = [f"{row},{t:.2f}" for row, t in zip(rows, T, strict=True)]
+    (tmp_path / "r.csv").write_text("\n".join([f"{head},time_s", *timed]), encoding="utf-8")
+    first, second = read_recordings(tmp_path / "r.csv", allow_gaps=True)
+    np.testing.assert_allclose(first.outputs[0], 1e-3 * Y[:20])
+    np.testing.assert_allclose(second.outputs[0], 1e-3 * Y[21:])
+    assert second.start == pytest.approx(T[21])
+
+
+def test_a_row_of_empty_cells_between_samples_is_no_empty_line(tmp_path: Path) -> None:
+    rows = [row.partition(",")[2] for row in ROWS]
+    (tmp_path / "r.csv").write_text("\n".join([HEAD.partition(",")[2], *rows[:9], ",", *rows[9:]]), encoding="utf-8")
+    with pytest.raises(DataError, match='row 11, column "command_V": there is no value'):
+        read_recording(tmp_path / "r.csv", dt=0.02)
+
+
+def test_a_word_in_place_of_a_value_is_named_with_what_would_work(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("\n".join([HEAD, *ROWS[:9], "0.18,1.0,OL", *ROWS[10:]]), encoding="utf-8")
+    with pytest.raises(DataError, match='"OL" is not a number; if it marks a missing value, leave the cell empty'):
+        read_recording(tmp_path / "r.csv")
 
 
 def test_times_too_coarse_to_tell_the_sample_time_are_read_with_it(tmp_path: Path) -> None:

@@ -128,3 +128,19 @@ def test_written_for_labview(path: Path) -> None:
     channel = nptdms.TdmsFile.read(path)["recording"]["command"]
     assert channel.properties["unit_string"] == "V"
     np.testing.assert_array_equal(channel.time_track(), [7.0, 7.02])
+
+
+def test_channels_that_were_started_apart(path: Path) -> None:
+    """A start less than half a sample later is that of the next channel; an undated channel tells nothing."""
+    began = np.datetime64("2024-05-01T12:00:00.000000")
+    first, second = pair(WAVEFORM)
+    for late, refused in ((0, False), (9, False), (11, True), (1000, True)):
+        dated = {**WAVEFORM, "wf_start_time": began + np.timedelta64(late, "ms")}
+        save(path, (*first[:3], {**WAVEFORM, "wf_start_time": began}), (*second[:3], dated))
+        if refused:
+            with pytest.raises(DataError, match='"command_V" and "displacement_mm" have different clocks'):
+                read_recording(path)
+        else:
+            check(read_recording(path))
+    undated = {**WAVEFORM, "wf_start_time": np.datetime64("1904-01-01T00:00:00.000000")}
+    check(read_recording(save(path, (*first[:3], {**WAVEFORM, "wf_start_time": began}), (*second[:3], undated))))

@@ -164,3 +164,15 @@ def test_the_number_of_a_row_is_no_signal(tmp_path: Path) -> None:
     rows = [f"{k},{0.1 * k:.1f},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(1, 40)]
     path.write_text("\n".join(["Scan,Time,101 (VDC),102 (VDC)", *rows, ""]), encoding="utf-8")
     assert understand(path).options == ("--input-column", "101 (VDC)", "--output-column", "102 (VDC)")
+
+
+def test_neither_the_times_again_nor_a_date_is_guessed_as_a_signal(write: Write) -> None:
+    """Oscilloscopes write the times before each channel, with settings in the first rows beside them."""
+    times = [f"{0.1 * k:.1f}" for k in range(40)]
+    cells = [row.split(",")[1:] for row in ROWS.split("\n")]
+    pairs = "\n".join(f",{t},{u},,{t},{y}" for t, (u, y) in zip(times, cells, strict=True))
+    found = understand(write("scope.csv", pairs))
+    assert (found.further.input_column, found.further.output_column) == ("#3", "#6")
+    dated = "\n".join(f"5.11.2024,10:11:{float(t):04.1f},{u}" for t, (u, _) in zip(times, cells, strict=True))
+    found = understand(write("log.csv", f"Date,Time,Vmon (V)\n{dated}"))
+    assert "Date" not in (found.further.input_column, found.further.output_column)

@@ -1,8 +1,8 @@
 """Tables of the binary formats, whose columns are arrays and whose units may be attributes."""
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -34,10 +34,15 @@ class ArrayTable(Table):
 
     columns: tuple[NDArray[np.generic], ...]
     timings: tuple[Timing | None, ...] = ()
+    places: Mapping[str, str] = field(default_factory=dict)  # Headers of columns by their places in the file
 
     def row(self, sample: int) -> int:
         """Return the number of a sample; the first is 1, as in MATLAB and LabVIEW."""
         return sample + 1
+
+    def column(self, wanted: str, works: Callable[[int], bool] = lambda column: True) -> int:
+        """Return the number of a column, counted from 0, from its header, its name or its place in the file."""
+        return super().column(self.places.get(wanted, wanted), works)
 
     def texts(self, column: int) -> Iterator[str]:
         """Yield the values of a column as text."""
@@ -124,7 +129,8 @@ def array_table(
         raise DataError(f"{path}: it has {len(columns)} columns; at most {COLUMNS} can be read")
     names, found = [], []
     for header in columns:
-        (name, suffix), stated = split_unit(header), find_unit(units.get(header, ""))
+        said = units.get(header, "")
+        (name, suffix), stated = split_unit(header), find_unit(said) or find_unit(f"({said})")
         if suffix and stated and suffix not in (stated, for_name(name, stated)):
             raise DataError(
                 f'{path}, column "{clipped(header)}": the name gives the unit {suffix}, but its unit '

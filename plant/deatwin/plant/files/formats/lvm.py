@@ -9,6 +9,7 @@ and ``Delta_X``, and a line of names. ``X_Columns`` says if x values are left ou
 import hashlib
 import math
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +71,8 @@ def read_lvm(path: str | Path) -> CsvTable:
     unit = next((cell for cell in first.header.get("X_Unit_Label", []) if cell and find_unit(cell) != "s"), "")
     if unit:
         raise DataError(f'{name}: its x values are in "{clipped(unit)}"; save them in seconds')
+    for segment in segments:
+        _require_one_start(segment, name)
     table = _table(segments, separator, about.get("X_Columns", "One"), name, hashlib.sha256(content).hexdigest())
     return replace(table, ended=text.endswith("\n"))
 
@@ -195,11 +198,26 @@ def _unit(header: str, label: str, path: str) -> str:
 
 def _began(segment: _Segment) -> dict[str, str]:
     """Return the date of the first sample for the provenance; empty if the header has none."""
-    date, time = (next(filter(None, segment.header.get(tag, [])), "") for tag in ("Date", "Time"))
+    return {BEGAN: dates[0].isoformat()} if (dates := _dates(segment)) else {}
+
+
+def _dates(segment: _Segment) -> list[datetime]:
+    """Return the dates of the channels' first samples; none if the header has none, or one that cannot be read."""
+    pairs = zip(*(segment.header.get(tag, []) for tag in ("Date", "Time")), strict=False)
     try:
-        return {BEGAN: moment(f"{date} {time}").isoformat()}
+        return [moment(f"{date} {time}") for date, time in pairs if date and time]
     except ValueError:
-        return {}
+        return []
+
+
+def _require_one_start(segment: _Segment, path: str) -> None:
+    """Raise an error if channels were started more than half a sample apart: their x values are relative."""
+    dates, step = _dates(segment), segment.number("Delta_X", 0) or 0.0
+    if dates and (apart := (max(dates) - min(dates)).total_seconds()) > 0.5 * step:
+        raise DataError(
+            f"{path}, row {segment.rows[0]}: the channels below begin up to {apart:g} s apart (Date, Time); save each in a "
+            "file of its own"
+        )
 
 
 def _on_one_clock(segments: list[_Segment], lines: list[str], separator: str) -> list[str]:

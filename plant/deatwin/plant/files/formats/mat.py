@@ -1,8 +1,9 @@
 """MATLAB files: version 5 (and 4, 6, 7) by SciPy, 7.3 (HDF5 behind a user block of 512 bytes) and other HDF5 by h5py.
 
 Signals are numeric vectors named as CSV columns are, alone or as fields of structs, ``signals(2).values`` in an array of
-structs, columns of a matrix, ``data(:,2)``, or fields of a compound data set of HDF5. A struct ``units`` may name units:
-``units.command = 'V'``; so may a text ``unit`` beside the only vector of a struct, and attributes of HDF5. A scalar
+structs, columns of a matrix, ``data(:,2)``, or fields of a compound data set of HDF5. A text ``name`` or ``unit`` beside the only
+vector of a struct names that vector or its unit; a struct ``units`` (``units.command = 'V'``) and attributes of HDF5 name
+units, too. A scalar
 ``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a file without times. Texts go
 into the provenance.
 """
@@ -12,6 +13,7 @@ import io
 import math
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +88,7 @@ def write_mat(path: str | Path, recording: Recording) -> None:
 
 def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
     """Make a table from the vectors of a file, given by name."""
-    short = short_names(found)
+    short = _titled(found)
     arrays = {short[name]: value for name, value in found.items() if isinstance(value, np.ndarray)}
     columns = {name: value.ravel() for name, value in arrays.items() if value.size > 1 and value.size in value.shape}
     lengths = {values.size for values in columns.values()}
@@ -106,29 +108,44 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
             )
         named = {name: match for name in found if (match := _NAMES_UNIT.fullmatch(name))}
         units = {match[1] or match[2]: found[name] for name, match in named.items() if isinstance(found[name], str)}
-        beside = _units_beside(found)
+        beside = _beside(found, "units?")
         for name, unit in beside.items():
             fields = {key.rpartition(".")[2]: value for key, value in found.items() if _struct(key) == _struct(name)}
             require_no_scale({**fields, "units": unit}, name, path)
         units = {short.get(name, name): text for name, text in (beside | units).items()}
         notes = {name: text for name, text in texts.items() if name not in units and text}
-        return array_table(
+        table = array_table(
             path,
             sha256,
             columns,
             {name: str(text) for name, text in units.items()},
             declared=Declared(timing=_timing(arrays, units, path), provenance=notes),
         )
+        return replace(table, places={place: short[name] for name, place in short_names(found).items()})
     return array_table(path, sha256, columns, {}, declared=declared)
 
 
-def _units_beside(found: Mapping[str, Any]) -> dict[str, str]:
-    """Return the units that a text ``unit`` gives for the only vector in its struct."""
+def _titled(found: Mapping[str, Any]) -> dict[str, str]:
+    """Return short names; that of the only vector in a struct is a text ``name`` beside it, if no other is equal."""
+    short = short_names(found)
+    titles = {
+        name: text for name, text in _beside(found, "name|label").items() if found[name].size in found[name].shape
+    }
+    taken = [*titles.values(), *(name for full, name in short.items() if full not in titles)]
+    return short | {name: title for name, title in titles.items() if title.strip() and taken.count(title) == 1}
+
+
+def _beside(found: Mapping[str, Any], field: str) -> dict[str, str]:
+    """Return the texts in a field of this name for the only vector in its struct."""
     structs: dict[str, list[str]] = {}
     for name, value in found.items():
         if isinstance(value, np.ndarray) and value.size > 1:
             structs.setdefault(_struct(name), []).append(name)
-    said = {_struct(name): text for name, text in found.items() if re.fullmatch(r"(?i).+\.units?", name)}
+    said = {
+        _struct(name): text
+        for name, text in found.items()
+        if isinstance(text, str) and re.fullmatch(rf"(?i).+\.({field})", name)
+    }
     return {structs[struct][0]: text for struct, text in said.items() if len(structs.get(struct, ())) == 1}
 
 

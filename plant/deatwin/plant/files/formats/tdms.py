@@ -33,6 +33,7 @@ from deatwin.plant.recording import Recording
 from deatwin.plant.safe_read import clipped, in_words
 
 STARTED = "wf_start_time"
+_UNDATED = np.datetime64("1904-01-02")  # after the date that LabVIEW writes for none, in any time zone
 _GROUP = "recording"
 _BROKEN_OFF = ("Last segment", "Data size")  # Messages about an interrupted acquisition, which keeps its data
 
@@ -46,7 +47,8 @@ def read_tdms(path: str | Path) -> ArrayTable:
         file = nptdms.TdmsFile.read(io.BytesIO(content))
         found = [channel for group in file.groups() for channel in group.channels() if len(channel)]
         values = [_seconds(np.asarray(channel[:])) for channel in found]
-        timings = [_timing(channel, name) for channel in found]
+        earliest = min(filter(None, map(_started, found)), default=None)
+        timings = [_timing(channel, earliest, name) for channel in found]
         declared = _declared(file, found, name)
     common = Counter(channel.name for channel in found)
     headers = [c.name if common[c.name] == 1 else f"{c.group_name}/{c.name}" for c in found]
@@ -95,8 +97,14 @@ def _declared(file: Any, channels: list[Any], path: str) -> Declared:
     return Declared(provenance=notes | ({STARTED: started.pop()} if len(started) == 1 else {}))
 
 
-def _timing(channel: Any, path: str) -> Timing | None:
-    """Return the clock of a waveform; None if the increment is 0, LabVIEW's default."""
+def _started(channel: Any) -> np.datetime64 | None:
+    """Return the date of a waveform's first sample; None without one, which LabVIEW writes as the year 1904."""
+    date = channel.properties.get(STARTED)
+    return np.datetime64(date) if date is not None and np.datetime64(date) > _UNDATED else None
+
+
+def _timing(channel: Any, earliest: np.datetime64 | None, path: str) -> Timing | None:
+    """Return the clock of a waveform, from the earliest date; None if the increment is 0, LabVIEW's default."""
     increment = float(channel.properties.get("wf_increment", 0.0))
     start = float(channel.properties.get("wf_start_offset", 0.0))
     if not (0.0 < increment < np.inf and np.isfinite(start)):
@@ -109,7 +117,9 @@ def _timing(channel: Any, path: str) -> Timing | None:
             "recording needs times"
         )
     step, first = unit.to_si(np.array([increment, start])).tolist()
-    return Timing(sample_time=step, start=first)
+    # Dates less than half a sample apart are those of channels that were started one after another.
+    late = 0.0 if (began := _started(channel)) is None else float((began - earliest) / np.timedelta64(1, "s"))
+    return Timing(sample_time=step, start=first + step * round(late / step))
 
 
 def _unit(channel: Any, path: str) -> str:
