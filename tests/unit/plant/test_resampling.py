@@ -76,6 +76,30 @@ def test_fewer_rows_keep_when_a_reading_is_taken(reading: ReadingTime) -> None:
     np.testing.assert_allclose(steps, moved, atol=1e-3)
 
 
+@pytest.mark.parametrize("step", [0.002, 0.007, 0.021, 0.05])
+@pytest.mark.parametrize("reading", list(ReadingTime))
+def test_a_reading_keeps_its_time_at_any_new_sample_time(reading: ReadingTime, step: float) -> None:
+    # The sensor reads sin(w t): in the new rows, too, at the end of a row, at its start, or as its mean.
+    omega = 2 * np.pi * 0.5
+    share = {ReadingTime.START_OF_HOLD: 0.0, ReadingTime.MEAN_OVER_HOLD: 0.5, ReadingTime.END_OF_HOLD: 1.0}[reading]
+    times = STEP * np.arange(2000)
+    record = Recording.from_arrays(np.sin(times), np.sin(omega * (times + share * STEP)), STEP)
+    found = resample(record, step, reading=reading)
+    chord = (omega * STEP) ** 2 / 8
+    mean = (omega * step) ** 2 / 24 if reading is ReadingTime.MEAN_OVER_HOLD else 0.0
+    expected = np.sin(omega * (found.timepts + share * step))
+    ripple = 1e-3 if step > 1.1 * STEP else 0.0  # of a low-pass filter with 60 dB
+    assert np.abs(found.outputs[0] - expected).max() <= chord + mean + ripple
+
+
+def test_a_reading_does_not_come_before_its_command() -> None:
+    # The area under a command of steps, read at the ends of the holds: its slope in a new row is the row's command.
+    command = np.repeat(np.random.default_rng(4).uniform(-1, 1, 40), 10)
+    record = Recording.from_arrays(command, STEP * np.cumsum(command), STEP)
+    found = resample(record, STEP / 10)
+    np.testing.assert_allclose(np.diff(found.outputs[0]) * 10 / STEP, found.inputs[0][1:], atol=1e-9)
+
+
 def test_the_bandwidth_is_that_of_the_interpolation() -> None:
     times = np.concatenate([[0.0], STEP * (np.arange(500) + 0.5)])  # new rows midway: cos(pi f h), 3 dB at 0.25 / h
     assert plan_resampling(times, STEP, str).bandwidth() == pytest.approx(0.25 / STEP, rel=0.02)

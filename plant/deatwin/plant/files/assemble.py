@@ -349,7 +349,8 @@ def _recordings(
     step, start = (stated.sample_time, stated.start) if stated else (0.0, 0.0)
     if resample is not None and not (stated.agrees(resample) if told is None and stated else _is_even(told, resample)):
         timepts = start + step * np.arange(samples, dtype=np.float64) if told is None else told
-        return _resampled(source, plan_resampling(timepts, resample, source.where, allow_gaps=allow_gaps), reading)
+        plan = plan_resampling(timepts, resample, source.where, allow_gaps=allow_gaps, reading=reading)
+        return _resampled(source, plan)
     if told is None:
         pieces = [Piece.even(samples, step, start)]
     else:
@@ -368,16 +369,16 @@ def _recordings(
     )
 
 
-def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple[Recording, ...]:
+def _resampled(source: _Source, plan: Resampling) -> tuple[Recording, ...]:
     """Resample rows to an even clock, and return the recordings."""
     made = []
     for piece, (clock, rows) in enumerate(zip(plan.clocks, plan.rows, strict=True)):
         readings, commands = partial(plan.readings, piece), partial(plan.commands, piece)
         take = {"input": commands, "output": readings, "extra": readings}
-        about = source.origin(*rows) | {"resampled": plan.sentence(reading)}
+        about = source.origin(*rows) | {"resampled": plan.sentence()}
         fine = source.recording(clock, plan.sample_time / plan.factor, take, about)
         try:
-            made.append(decimate(fine, plan.factor, reading=reading))
+            made.append(decimate(fine, plan.factor, reading=plan.reading))
         except DataError as error:  # too short for the filter
             raise DataError(
                 f"{source.where(rows[0])}, with a sample every {plan.sample_time:g} s: {error}", error.offers
