@@ -7,7 +7,7 @@ import numpy as np
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.files.units import UNITS, find_unit
-from deatwin.plant.recording import UNSTATED, Experiment, Recording, label
+from deatwin.plant.recording import UNSTATED, Experiment, Recording, as_experiment, label
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import DriveSpec
 from deatwin.plant.rigs.rigkeys import HIGHEST_FILM_VOLTAGE
@@ -38,7 +38,7 @@ def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> 
 
 def experiment_for(rig: Rig, given: Experiment | Recording) -> Experiment:
     """Return an experiment, after a check that a rig can take its commands; a single recording starts from rest."""
-    experiment = given if isinstance(given, Experiment) else Experiment(recordings=(given,))
+    experiment = as_experiment(given)
     for recording in experiment.recordings:
         check_command(recording, rig)
     return experiment
