@@ -29,7 +29,8 @@ class Simulation(Brief):
     outputs : tuple of ndarray, each of shape (n_readings, n)
         Noise-free readings of each recording, SI, with one row for each of `Rig.readings`; NaN after a failure.
     watched : tuple of mapping of str to ndarray, each of shape (n,)
-        Internal signals of the plant in each recording, by name, SI.
+        Internal signals of the plant in each recording, by name, SI: at the start of each
+        sample if the reading is taken there, otherwise at its end.
     failed_at : float or None
         Time at which the simulation failed, on the experiment's clock, s; None without a failure.
     failed_command : float or None
@@ -75,7 +76,7 @@ class Simulation(Brief):
         signals = np.full((len(names), timeline.commands.size + 1), np.nan)
         seen = np.empty((len(names), 0)) if run.watched is None else run.watched
         signals[:, 1 : 1 + seen.shape[1]] = seen
-        signals[:, 0] = signals[:, 1]
+        signals[:, 0] = signals[:, 1] if run.watched_at_rest is None else run.watched_at_rest
         events = film_events(dict(zip(names, seen, strict=True)), run.status, timeline, run.snaps)
         failed = run.failed_at
         status = events[0].status if run.status.ok and events else run.status
