@@ -55,10 +55,16 @@ def check_command(recording: Recording, rig: Rig) -> None:
 
 
 def check_units(recording: Recording, rig: Rig) -> None:
-    """Raise an error if the command, the output or a further reading has another unit than in the rig."""
+    """Raise an error if a reading has another place or unit than in the rig, or the command another unit."""
     check_command(recording, rig)
     rows = [("output", recording.output_names, recording.output_units, rig.output_unit)]
     further = {reading.name: reading.unit for reading in rig.further}
+    first = next(zip(recording.output_names, recording.output_units, strict=True), UNSTATED["output"])
+    if (first[0] in further and first != UNSTATED["output"]) or rig.output_name in recording.output_names[1:]:
+        raise DataError(
+            f'{label(recording)}: its first output is "{first[0]}", but the first reading of the rig is '
+            f'"{rig.output_name}"; put the row of that reading first'
+        )
     for name, unit in {
         **dict(zip(recording.output_names[1:], recording.output_units[1:], strict=True)),
         **recording.extra_units,
