@@ -14,7 +14,7 @@ model wants to follow, is lost altogether, cos(pi 0.1 5) = 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -55,7 +55,8 @@ class Resampling:
     rows: tuple[tuple[int, int], ...]  # First row of each piece, and the row after its last one
     timepts: Floats  # Times of the rows, s
     reading: ReadingTime
-    late: float  # How much sooner after its row's time a reading is taken in the finer rows than in the old ones, s
+    means: Collection[str]  # Names of the readings that are means over a row
+    shorter: float  # Length of an old row minus that of a finer row, s
 
     @property
     def steps(self) -> Floats:
@@ -85,10 +86,17 @@ class Resampling:
             f"linearly and keep {self.bandwidth():.3g} Hz to 3 dB (Nyquist frequency {nyquist:.4g} Hz); commands are held"
         )
 
-    def readings(self, piece: int, values: Floats) -> Floats:
+    @property
+    def late(self) -> float:
+        """How much sooner after its row's time a reading is taken in the finer rows than in the old ones, s."""
+        return _TAKEN[self.reading] * self.shorter
+
+    def readings(self, piece: int, values: Floats, name: str) -> Floats:
         """Return a reading on the finer clock of a piece."""
         first, last = self.rows[piece]
-        return np.interp(self.clocks[piece] - self.late, self.timepts[first:last], values[first:last])
+        averaged = name in self.means and self.reading is not ReadingTime.MEAN_OVER_HOLD
+        late = self.late - 0.5 * self.shorter if averaged else self.late
+        return np.interp(self.clocks[piece] - late, self.timepts[first:last], values[first:last])
 
     def commands(self, piece: int, values: Floats) -> Floats:
         """Return a command on the finer clock of a piece: levels of a staircase, means of any other."""
@@ -124,6 +132,7 @@ def plan_resampling(
     *,
     allow_gaps: bool = False,
     reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    means: Collection[str] = (),
 ) -> Resampling:
     """Plan how rows at these times are brought onto an even clock."""
     if not (math.isfinite(sample_time) and sample_time > 0.0):
@@ -157,8 +166,10 @@ def plan_resampling(
             ReadOptions(allow_gaps=True),
         )
     factor = 1 if sample_time <= _FOLDED * usual else math.ceil(sample_time / usual * (1.0 - _SAME))
-    late = usual - sample_time / factor
-    late = 0.0 if abs(late) <= np.median(np.abs(steps - usual)) else _TAKEN[reading] * late  # jitter tells no more
+    shorter = usual - sample_time / factor
+    if abs(shorter) <= np.median(np.abs(steps - usual)):  # jitter hides it
+        shorter = 0.0
+    late = _TAKEN[reading] * shorter
     edges = [0, *(np.flatnonzero(long) + 1), len(timepts)]
     found = [
         (clock, (int(first), int(last)))
@@ -177,7 +188,8 @@ def plan_resampling(
         rows=tuple(rows for _, rows in found),
         timepts=timepts,
         reading=reading,
-        late=late,
+        means=means,
+        shorter=shorter,
     )
 
 
@@ -210,6 +222,7 @@ def resample(
     *,
     timepts: ArrayLike | None = None,
     reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    means: Collection[str] = (),
 ) -> Recording:
     """Convert a recording to a new sample time, or from uneven to even times.
 
@@ -229,6 +242,8 @@ def resample(
     reading : ReadingTime
         Time within a sample at which the reading is taken, in both recordings. With the default, the reading of a row
         belongs to the end of its sample, which is later in a longer sample.
+    means : collection of str
+        Names of the outputs and further channels that are means, as in `deatwin.ident.narx.preprocess.decimate`.
 
     Returns
     -------
@@ -257,16 +272,18 @@ def resample(
         )
     name = label(recording)
     require_reading_time(reading, DataError)
-    plan = plan_resampling(times, sample_time, lambda row: f"{name}, sample {row}", reading=reading)
+    plan = plan_resampling(times, sample_time, lambda row: f"{name}, sample {row}", reading=reading, means=means)
     fine = replace(
         recording,
         inputs=np.array([plan.commands(0, row) for row in recording.inputs]).reshape(len(recording.inputs), -1),
-        outputs=np.array([plan.readings(0, row) for row in recording.outputs]).reshape(len(recording.outputs), -1)
+        outputs=np.array(
+            [plan.readings(0, *row) for row in zip(recording.outputs, recording.output_names, strict=True)]
+        ).reshape(len(recording.outputs), -1)
         if len(recording.outputs)
         else np.empty((0, plan.clocks[0].size)),
-        extras={extra: plan.readings(0, row) for extra, row in recording.extras.items()},
+        extras={extra: plan.readings(0, row, extra) for extra, row in recording.extras.items()},
         sample_time=sample_time / plan.factor,
         start=float(plan.clocks[0][0]),
         provenance={**recording.provenance, "resampled": plan.sentence()},
     )
-    return decimate(fine, plan.factor, reading=reading)
+    return decimate(fine, plan.factor, reading=reading, means=means)
