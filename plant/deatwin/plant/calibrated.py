@@ -16,15 +16,16 @@ from deatwin.plant.datasets import (
     Described,
     Metadata,
     attribute,
-    clock,
     coordinate,
     dataset,
     document,
+    simulated_clock,
     variable,
 )
 from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
+from deatwin.plant.readings import Reading
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.stated import LARGEST
 from deatwin.plant.safe_read import clipped
@@ -52,25 +53,27 @@ class Prediction:
     failed_at: float | None  # Clock time of a failure, s
     failed_command: float | None  # Command at that time, in its unit
     advice: str  # Text of the status; for a plant without a state of rest, the equation at fault
+    readings: tuple[Reading, ...]  # The first one, and then the further ones
     further: Mapping[str, Band] = field(default_factory=dict)  # Band of each further reading, by name
 
-    def to_xarray(self, experiment: Experiment) -> Any:
+    def to_xarray(self, experiment: Experiment | Recording) -> Any:
         """Return readings and standard deviation along ``sample``, with coordinates ``time`` in s and ``record``."""
-        unit = experiment.recordings[0].output_units[0]
+        unit, *units = [one.unit for one in self.readings]
+        further = list(zip(self.further.items(), units, strict=False))  # none after a failure
         return dataset(
             {
                 "mean": ("sample", np.concatenate(self.mean), unit),
                 "deviation": ("sample", np.concatenate(self.deviation), unit),
-                **{f"{name}_mean": ("sample", np.concatenate(band.mean)) for name, band in self.further.items()},
-                **{f"{name}_deviation": ("sample", np.concatenate(b.deviation)) for name, b in self.further.items()},
+                **{f"{name}_mean": ("sample", np.concatenate(b.mean), unit) for (name, b), unit in further},
+                **{f"{name}_deviation": ("sample", np.concatenate(b.deviation), unit) for (name, b), unit in further},
             },
-            clock(experiment.recordings),
+            simulated_clock(experiment, self.mean),
             {
                 "status": self.status.name,
                 "advice": self.advice,
                 "failed_at_s": self.failed_at,
                 "failed_command": self.failed_command,
-                "reading_name": experiment.recordings[0].output_names[0],
+                "reading_name": self.readings[0].name,
             },
         )
 
@@ -180,6 +183,7 @@ class CalibratedPlant(
                 for k, one in enumerate(plant.rig.further)
                 if run.sensitivities is not None
             },
+            readings=plant.rig.readings,
             status=run.status,
             advice=run.advice,
             failed_at=None if failed is None else timeline.start + failed * timeline.sample_time,

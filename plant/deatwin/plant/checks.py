@@ -7,7 +7,7 @@ import numpy as np
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.files.units import UNITS, find_unit
-from deatwin.plant.recording import UNSTATED, Experiment, Recording, label
+from deatwin.plant.recording import UNSTATED, Experiment, Recording, as_experiment, label
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import DriveSpec
 from deatwin.plant.rigs.rigkeys import HIGHEST_FILM_VOLTAGE
@@ -40,7 +40,7 @@ def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> 
 
 def experiment_for(rig: Rig, given: Experiment | Recording) -> Experiment:
     """Return an experiment, after a check that a rig can take its commands; a single recording starts from rest."""
-    experiment = given if isinstance(given, Experiment) else Experiment(recordings=(given,))
+    experiment = as_experiment(given)
     for recording in experiment.recordings:
         check_command(recording, rig)
     return experiment
@@ -57,10 +57,16 @@ def check_command(recording: Recording, rig: Rig) -> None:
 
 
 def check_units(recording: Recording, rig: Rig) -> None:
-    """Raise an error if the command, the output or a further reading has another unit than in the rig."""
+    """Raise an error if a reading has another place or unit than in the rig, or the command another unit."""
     check_command(recording, rig)
     rows = [("output", recording.output_names, recording.output_units, rig.output_unit)]
     further = {reading.name: reading.unit for reading in rig.further}
+    first = next(zip(recording.output_names, recording.output_units, strict=True), UNSTATED["output"])
+    if (first[0] in further and first != UNSTATED["output"]) or rig.output_name in recording.output_names[1:]:
+        raise DataError(
+            f'{label(recording)}: its first output is "{first[0]}", but the first reading of the rig is '
+            f'"{rig.output_name}"; put the row of that reading first'
+        )
     for name, unit in {
         **dict(zip(recording.output_names[1:], recording.output_units[1:], strict=True)),
         **recording.extra_units,

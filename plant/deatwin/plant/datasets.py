@@ -11,9 +11,11 @@ from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.optional import require
-from deatwin.plant.recording import Recording
+from deatwin.plant.recording import Experiment, Recording, as_experiment
 
 PARTS = ("real", "imaginary")
 Variables = Mapping[str, tuple[Any, ...]]
@@ -234,6 +236,18 @@ def clock(records: Sequence[Recording], dimension: str = "sample") -> Variables:
         "time": (dimension, np.concatenate([record.timepts for record in records]), "s"),
         "record": (dimension, np.repeat(np.arange(len(records)), [record.n_samples for record in records])),
     }
+
+
+def simulated_clock(given: Experiment | Recording, rows: Sequence[NDArray[np.float64]]) -> Variables:
+    """Return the coordinates of the experiment of which one reading has the given `rows`, an array a recording."""
+    records = as_experiment(given).recordings
+    samples, simulated = [record.n_samples for record in records], [row.size for row in rows]
+    if samples != simulated:
+        raise DataError(
+            f"the experiment has recordings of {samples} samples, but those of the simulation have {simulated}: give the "
+            "experiment that was simulated"
+        )
+    return clock(records)
 
 
 def one_unit(result: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,13 @@ _PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # Edges of the filter, rela
 
 
 @taking(recording=instance(Recording, error=DataError))
-def decimate(recording: Recording, factor: int, *, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> Recording:
+def decimate(
+    recording: Recording,
+    factor: int,
+    *,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    means: Collection[str] = (),
+) -> Recording:
     """Apply a zero-phase low-pass filter to all signals, then keep every ``factor``-th sample.
 
     A linear model stays valid, because inputs and outputs pass the same filter. A nonlinear model stays valid only if
@@ -42,6 +49,9 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
         Time within a sample at which the reading is taken. With ``MEAN_OVER_HOLD``, no filter is used: each new sample
         of every signal is the mean of ``factor`` old samples. Only old samples at the end that do not fill a new one
         are then dropped.
+    means : collection of str
+        Names of the outputs and further channels whose samples are means over the time since the previous reading, such
+        as the ``current`` of a film. Their new samples are such means, too.
 
     Returns
     -------
@@ -62,16 +72,20 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
         return _averaged(recording, int(factor))
     odd, held = _low_pass(factor, 0), _low_pass(factor, (factor - 1) % 2)
     half = odd.size // 2
-    rows = np.arange(-(-half // factor) * factor, recording.n_samples - half - factor + 1, factor)
+    last = factor - 1 if reading is ReadingTime.END_OF_HOLD else 0
+    # A mean over the new sample is the filtered mean in its middle, which for START_OF_HOLD lies before the row.
+    early = factor // 2 if last == 0 and means else 0
+    rows = np.arange(-(-(half + early) // factor) * factor, recording.n_samples - half - factor + 1, factor)
     _require_samples(recording, factor, rows, odd)
     for name, values in recording.extras.items():
         if np.isnan(values).any():
             raise DataError(
                 f'the channel "{name}" has missing values, which no filter bridges: leave it out to resample'
             )
-    last = factor - 1 if reading is ReadingTime.END_OF_HOLD else 0
 
-    def read(signal: Array) -> Array:
+    def read(signal: Array, name: str) -> Array:
+        if name in means:
+            return _filtered(signal, held, rows - early if early else rows + (factor - 1) // 2)
         return _filtered(signal, odd, rows + last)
 
     # The middle of a hold is (factor - 1)/2 old rows after its first row. For an even factor that lies between two
@@ -81,8 +95,8 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     return replace(
         recording,
         inputs=np.reshape(inputs, (len(recording.inputs), n)),
-        outputs=np.reshape([read(y) for y in recording.outputs], (len(recording.outputs), n)),
-        extras={name: read(values) for name, values in recording.extras.items()},
+        outputs=np.reshape(list(map(read, recording.outputs, recording.output_names)), (len(recording.outputs), n)),
+        extras={name: read(values, name) for name, values in recording.extras.items()},
         sample_time=recording.sample_time * factor,
         start=recording.start + recording.sample_time * int(rows[0]),
         provenance={**recording.provenance, "decimated": f"by {factor}, from {recording.sample_time:g} s"},

@@ -216,7 +216,7 @@ class Plant:
         """
         timeline = self.timeline(experiment_for(self.rig, experiment))
         run = self.runner.run(**self.given(timeline), progress=progress)
-        return Simulation.of(run, timeline, self.signals, self.rig.input_unit)
+        return Simulation.of(run, timeline, self.signals, self.rig)
 
     def model_error(self, recording: Recording | Experiment) -> Discrepancy:
         """Return the error that remains after this plant is calibrated to a plant with finer equations of its rig.

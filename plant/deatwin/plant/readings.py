@@ -15,6 +15,7 @@ from deatwin.plant.safe_read import clipped
 
 ELECTRICAL_UNITS: Mapping[str, str] = {"current": "A", "capacitance": "F", "film_voltage": "V"}
 """Readings that each rig with a film offers, with their SI units."""
+MEANS = frozenset({"current"})  # Readings of a film that are means over the sample that ends when the rig is read
 ROOM_TEMPERATURE = 293.15  # Reading of a thermometer unless an effect replaces it, K
 ROWS = 3  # Number of rows of equations per further reading: level, stored quantity, and the share of it that flows
 

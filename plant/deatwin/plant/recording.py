@@ -332,6 +332,11 @@ class Experiment:
         return sum(recording.n_samples for recording in self.recordings)
 
 
+def as_experiment(given: Experiment | Recording) -> Experiment:
+    """Return an experiment; a single recording is an experiment of its own."""
+    return given if isinstance(given, Experiment) else Experiment(recordings=(given,))
+
+
 def label(recording: Recording) -> str:
     """Return the name of a recording in error texts: its file, or its times."""
     return recording.provenance.get("file") or f"recording of {recording.start:g} to {recording.end:g} s"

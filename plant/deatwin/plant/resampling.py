@@ -1,6 +1,7 @@
 """Samples at uneven times, or too many of them, onto an even clock.
 
-- A reading is interpolated linearly; `Resampling` has the frequency at which that, with these times, has lost 3 dB.
+- A reading is interpolated linearly; `Resampling` has the frequency at which that, with these times, has lost 3 dB. A
+  reading at the end of a hold lies one usual step after the time of its row, and a mean over the hold half a step.
 - A command acts from its row's time to the next row's. One that stays from row to row more often than it changes is a
   staircase, and a new row takes the level in the middle of its own hold; any other gets the mean over that hold.
 - For a longer sample time than the rows' own, all signals are first brought onto an even clock a whole number of times
@@ -13,7 +14,7 @@ model wants to follow, is lost altogether, cos(pi 0.1 5) = 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -26,7 +27,7 @@ from deatwin.plant.decimation import decimate, low_pass_gain
 from deatwin.plant.errors import DataError
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Recording, label
-from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 
 Floats = NDArray[np.float64]
 _GAP = 5.0  # Step above which there is a gap, in usual steps; the module's docstring gives the reason
@@ -36,11 +37,11 @@ interpolation leaves less than half anyway."""
 _FINEST = 10.0
 """Largest number of new rows per usual step. With ten, nine of ten rows already lie on a straight line between two
 others, and a model would learn the interpolation."""
-_HELD = {ReadingTime.START_OF_HOLD: 0.0, ReadingTime.MEAN_OVER_HOLD: 0.5, ReadingTime.END_OF_HOLD: 1.0}
-"""Share of its hold after which a row is read, on average."""
 _STAYS = 0.5  # Share of unchanged rows from which a command is a staircase
 _TOLD = 2000  # Number of new rows that determine the gain of the interpolation to 1 %
 _ROUNDED = 1e-6  # Jitter, in steps, up to which times are even apart from rounding in print
+_TAKEN = {ReadingTime.START_OF_HOLD: 0.0, ReadingTime.MEAN_OVER_HOLD: 0.5, ReadingTime.END_OF_HOLD: 1.0}
+"""When a reading is taken after the time of its row, in steps."""
 _SAME = 1e-9  # Tolerance, in steps, of times that differ by rounding
 
 
@@ -53,43 +54,49 @@ class Resampling:
     clocks: tuple[Floats, ...]  # Finer clock of each piece between gaps, s
     rows: tuple[tuple[int, int], ...]  # First row of each piece, and the row after its last one
     timepts: Floats  # Times of the rows, s
+    reading: ReadingTime
+    means: Collection[str]  # Names of the readings that are means over a row
+    shorter: float  # Length of an old row minus that of a finer row, s
 
     @property
     def steps(self) -> Floats:
         """Times between successive rows of one piece, s."""
         return np.concatenate([np.diff(self.timepts[first:last]) for first, last in self.rows])
 
-    def bandwidth(self, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> float:
+    def bandwidth(self) -> float:
         """Frequency at which a reading has lost 3 dB, Hz; at most the new Nyquist frequency."""
         # With new rows finer than the old ones, interpolation leaves nothing at the old sampling rate.
         frequencies = np.linspace(0.0, min(0.5 / self.sample_time, 1.0 / float(np.median(self.steps))), 257)
         gain = np.abs(self._interpolation(frequencies))
-        gain *= low_pass_gain(self.factor, frequencies * self.sample_time, reading)
+        gain *= low_pass_gain(self.factor, frequencies * self.sample_time, self.reading)
         lost = gain < math.sqrt(0.5)
         return float(frequencies[np.argmax(lost)] if lost.any() else frequencies[-1])
 
-    def sentence(self, reading: ReadingTime) -> str:
-        """Describe the resampling in one line. `reading` says when a row is read."""
+    def sentence(self) -> str:
+        """Describe the resampling in one line."""
         steps = self.steps
         usual, spread = float(np.median(steps)), float(np.std(steps))
         nyquist = 0.5 / self.sample_time
         told = f"steps of {steps.min():.4g} to {steps.max():.4g} s (usually {usual:.4g} s, jitter {spread:.2g} s rms)"
         told = told if spread > _ROUNDED * usual else f"even steps of {usual:.6g} s"
-        how = f"by means of {self.factor}" if reading is ReadingTime.MEAN_OVER_HOLD else "after a low-pass filter"
+        how = f"by means of {self.factor}" if self.reading is ReadingTime.MEAN_OVER_HOLD else "after a low-pass filter"
         thinned = f" {how}, from {self.sample_time / self.factor:.4g} s" if self.factor > 1 else ""
         return (
             f"from {told} onto an even clock of {self.sample_time:.6g} s{thinned}: readings are interpolated "
-            f"linearly and keep {self.bandwidth(reading):.3g} Hz to 3 dB (Nyquist frequency {nyquist:.4g} Hz); commands are held"
+            f"linearly and keep {self.bandwidth():.3g} Hz to 3 dB (Nyquist frequency {nyquist:.4g} Hz); commands are held"
         )
 
-    def readings(self, piece: int, values: Floats, reading: ReadingTime) -> Floats:
+    @property
+    def late(self) -> float:
+        """How much sooner after its row's time a reading is taken in the finer rows than in the old ones, s."""
+        return _TAKEN[self.reading] * self.shorter
+
+    def readings(self, piece: int, values: Floats, name: str) -> Floats:
         """Return a reading on the finer clock of a piece."""
         first, last = self.rows[piece]
-        # A row that is read at the end of its hold is read the later, the longer the hold is.
-        usual, spread = float(np.median(self.steps)), float(np.std(self.steps))
-        usual = _offered(usual) if spread > _ROUNDED * usual else usual
-        longer = self.sample_time / self.factor - usual
-        return np.interp(self.clocks[piece] + _HELD[reading] * longer, self.timepts[first:last], values[first:last])
+        averaged = name in self.means and self.reading is not ReadingTime.MEAN_OVER_HOLD
+        late = self.late - 0.5 * self.shorter if averaged else self.late
+        return np.interp(self.clocks[piece] - late, self.timepts[first:last], values[first:last])
 
     def commands(self, piece: int, values: Floats) -> Floats:
         """Return a command on the finer clock of a piece: levels of a staircase, means of any other."""
@@ -106,7 +113,7 @@ class Resampling:
         """Return the mean gain of the interpolation over the new rows, given the times of the old ones."""
         before, after = [], []
         for clock, (first, last) in zip(self.clocks, self.rows, strict=True):
-            times = self.timepts[first:last]
+            times, clock = self.timepts[first:last], clock - self.late
             row = np.clip(np.searchsorted(times, clock, side="right") - 1, 0, len(times) - 2)
             before.append(clock - times[row])
             after.append(times[row + 1] - clock)
@@ -119,7 +126,13 @@ class Resampling:
 
 
 def plan_resampling(
-    timepts: Floats, sample_time: float, where: Callable[[int], str], *, allow_gaps: bool = False
+    timepts: Floats,
+    sample_time: float,
+    where: Callable[[int], str],
+    *,
+    allow_gaps: bool = False,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    means: Collection[str] = (),
 ) -> Resampling:
     """Plan how rows at these times are brought onto an even clock."""
     if not (math.isfinite(sample_time) and sample_time > 0.0):
@@ -153,11 +166,15 @@ def plan_resampling(
             ReadOptions(allow_gaps=True),
         )
     factor = 1 if sample_time <= _FOLDED * usual else math.ceil(sample_time / usual * (1.0 - _SAME))
+    shorter = usual - sample_time / factor
+    if abs(shorter) <= np.median(np.abs(steps - usual)):  # jitter hides it
+        shorter = 0.0
+    late = _TAKEN[reading] * shorter
     edges = [0, *(np.flatnonzero(long) + 1), len(timepts)]
     found = [
         (clock, (int(first), int(last)))
         for first, last in pairwise(edges)
-        if (clock := _clock(timepts[first:last], timepts[0], sample_time, factor)).size > factor
+        if (clock := _clock(timepts[first:last], timepts[0], sample_time, factor, late)).size > factor
     ]
     if not found:
         raise DataError(
@@ -170,6 +187,9 @@ def plan_resampling(
         clocks=tuple(clock for clock, _ in found),
         rows=tuple(rows for _, rows in found),
         timepts=timepts,
+        reading=reading,
+        means=means,
+        shorter=shorter,
     )
 
 
@@ -177,7 +197,7 @@ def resampling_options(timepts: Floats, usual: float | None = None) -> ReadOptio
     """Return the options that bring rows at uneven times, s, onto an even clock; None where none do."""
     if len(timepts) < 2 or not (np.diff(timepts) > 0.0).all():
         return None
-    step = _offered(float(np.median(np.diff(timepts))) if usual is None else usual)
+    step = float(f"{np.median(np.diff(timepts)) if usual is None else usual:.2g}")
     for allow_gaps in (False, True):
         try:
             plan_resampling(timepts, step, str, allow_gaps=allow_gaps)
@@ -187,16 +207,11 @@ def resampling_options(timepts: Floats, usual: float | None = None) -> ReadOptio
     return None
 
 
-def _offered(usual: float) -> float:
-    """Return the even sample time, s, for rows that are usually so far apart: two digits."""
-    return float(f"{usual:.2g}")
-
-
-def _clock(times: Floats, origin: float, sample_time: float, factor: int) -> Floats:
-    """Return the times of the finer clock within a piece, aligned with the new clock."""
-    start = origin + sample_time * math.ceil((times[0] - origin) / sample_time - _SAME)
+def _clock(times: Floats, origin: float, sample_time: float, factor: int, late: float) -> Floats:
+    """Return the times of the finer clock within a piece, aligned with the new clock, that have a command and a reading."""
+    start = origin + sample_time * math.ceil((times[0] + max(late, 0.0) - origin) / sample_time - _SAME)
     fine = sample_time / factor
-    count = math.floor((times[-1] - start) / fine + _SAME * len(times)) + 1
+    count = math.floor((times[-1] + min(late, 0.0) - start) / fine + _SAME * len(times)) + 1
     return np.asarray(start + fine * np.arange(max(count, 0), dtype=np.float64))
 
 
@@ -207,13 +222,15 @@ def resample(
     *,
     timepts: ArrayLike | None = None,
     reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    means: Collection[str] = (),
 ) -> Recording:
     """Convert a recording to a new sample time, or from uneven to even times.
 
-    Outputs and further channels are interpolated linearly. Each command is held until the time of the next command. If
-    the commands form a staircase, a new command is the command in the middle of the new sample; otherwise it is the
-    mean command over the new sample. If the new sample time is longer than the old one, the signals are then low-pass
-    filtered and decimated, as in `deatwin.ident.narx.preprocess.decimate`.
+    Outputs and further channels are interpolated linearly, between the times at which they were read. Each command is
+    held until the time of the next command. If the commands form a staircase, a new command is the command in the
+    middle of the new sample; otherwise it is the mean command over the new sample. If the new sample time is longer
+    than the old one, the signals are then low-pass filtered and decimated, as in
+    `deatwin.ident.narx.preprocess.decimate`.
 
     Parameters
     ----------
@@ -224,7 +241,10 @@ def resample(
     timepts : (n,) array_like, optional
         True times of the samples, s; by default, the times on the recording's clock.
     reading : ReadingTime
-        Time within a sample at which the reading is taken.
+        Time within a sample at which the reading is taken, in both recordings. With the default, the reading of a row
+        belongs to the end of its sample, which is later in a longer sample.
+    means : collection of str
+        Names of the outputs and further channels that are means, as in `deatwin.ident.narx.preprocess.decimate`.
 
     Returns
     -------
@@ -252,18 +272,19 @@ def resample(
             f"timepts have the shape {times.shape}; they must be {recording.n_samples} finite times, one for each row"
         )
     name = label(recording)
-    plan = plan_resampling(times, sample_time, lambda row: f"{name}, sample {row}")
+    require_reading_time(reading, DataError)
+    plan = plan_resampling(times, sample_time, lambda row: f"{name}, sample {row}", reading=reading, means=means)
     fine = replace(
         recording,
         inputs=np.array([plan.commands(0, row) for row in recording.inputs]).reshape(len(recording.inputs), -1),
-        outputs=np.array([plan.readings(0, row, reading) for row in recording.outputs]).reshape(
-            len(recording.outputs), -1
-        )
+        outputs=np.array(
+            [plan.readings(0, *row) for row in zip(recording.outputs, recording.output_names, strict=True)]
+        ).reshape(len(recording.outputs), -1)
         if len(recording.outputs)
         else np.empty((0, plan.clocks[0].size)),
-        extras={extra: plan.readings(0, row, reading) for extra, row in recording.extras.items()},
+        extras={extra: plan.readings(0, row, extra) for extra, row in recording.extras.items()},
         sample_time=sample_time / plan.factor,
         start=float(plan.clocks[0][0]),
-        provenance={**recording.provenance, "resampled": plan.sentence(reading)},
+        provenance={**recording.provenance, "resampled": plan.sentence()},
     )
-    return decimate(fine, plan.factor, reading=reading)
+    return decimate(fine, plan.factor, reading=reading, means=means)

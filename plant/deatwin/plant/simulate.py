@@ -62,6 +62,7 @@ class Run:
     """Further readings at the same instants, SI, shape (1 + m, k)."""
     further_slopes: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 0)))
     """Derivatives of the further readings by the free parameters, shape (1 + m, k, n_p); n_p is 0 in plain runs."""
+    watched_at_rest: np.ndarray | None = None  # The named signals before the first sample, shape (n,)
     look_for_snaps: Callable[[], tuple[int, ...]] = tuple  # Search for `snaps` in a plain run; takes as long as the run
 
     @cached_property
@@ -140,7 +141,14 @@ class Simulator:
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
         find = partial(snap_throughs, self.equations, rest, path, inputs[:, :done], given["rest_command"], values)
         run, rows = _run(status, [y[:, 0] for y in outputs], None, signals, fault), np.vstack(outputs)[:, 1:]
-        return replace(run, look_for_snaps=find, further=combined(rows, sample_time))
+        held = self.equations.held_inputs(given["rest_command"])
+        resting = self.equations.watched(rest.x, rest.z, rest.d, held, given["start"], values, self.equations.constants)
+        return replace(
+            run,
+            look_for_snaps=find,
+            further=combined(rows, sample_time),
+            watched_at_rest=np.asarray(resting, dtype=np.float64).ravel(),
+        )
 
     def run_with_sensitivities(self, commands: np.ndarray, **given: Unpack[Given]) -> Run:
         """Simulate from rest together with the derivatives by all free parameters."""

@@ -8,10 +8,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from deatwin.plant.datasets import Brief, clock, dataset
+from deatwin.plant.datasets import Brief, dataset, simulated_clock
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.limits import Event, film_events
-from deatwin.plant.recording import Experiment
+from deatwin.plant.readings import Reading
+from deatwin.plant.recording import Experiment, Recording, as_experiment
+from deatwin.plant.rigs.base import Rig
 from deatwin.plant.simulate import Run, RunStatus
 from deatwin.plant.timeline import Timeline
 
@@ -27,13 +29,16 @@ class Simulation(Brief):
     outputs : tuple of ndarray, each of shape (n_readings, n)
         Noise-free readings of each recording, SI, with one row for each of `Rig.readings`; NaN after a failure.
     watched : tuple of mapping of str to ndarray, each of shape (n,)
-        Internal signals of the plant in each recording, by name, SI.
+        Internal signals of the plant in each recording, by name, SI: at the start of each
+        sample if the reading is taken there, otherwise at its end.
     failed_at : float or None
         Time at which the simulation failed, on the experiment's clock, s; None without a failure.
     failed_command : float or None
         Command at which the simulation failed, in `command_unit`; None without a failure.
     command_unit : str
         Unit of the command.
+    readings : tuple of Reading
+        Description of each row of the outputs, with its name and unit.
     events : tuple of Event
         Events of the film, such as loss of tension, breakdown or pull-in, in order of time. They include events during
         the start procedure.
@@ -47,11 +52,12 @@ class Simulation(Brief):
     failed_at: float | None = None
     failed_command: float | None = None
     command_unit: str = "V"
+    readings: tuple[Reading, ...] = ()
     events: tuple[Event, ...] = ()
     advice: str = ""
 
     @classmethod
-    def of(cls, run: Run, timeline: Timeline, names: Sequence[str], unit: str) -> Self:
+    def of(cls, run: Run, timeline: Timeline, names: Sequence[str], rig: Rig) -> Self:
         """Make the simulation from a run over a timeline.
 
         Parameters
@@ -62,15 +68,15 @@ class Simulation(Brief):
             Timeline that was simulated.
         names : sequence of str
             Names of the internal signals.
-        unit : str
-            Unit of the command.
+        rig : Rig
+            Rig that was simulated.
         """
         full = np.full((1 + run.further.shape[1], timeline.commands.size + 1), np.nan)
         full[:, : run.outputs.size] = np.column_stack([run.outputs, run.further]).T
         signals = np.full((len(names), timeline.commands.size + 1), np.nan)
         seen = np.empty((len(names), 0)) if run.watched is None else run.watched
         signals[:, 1 : 1 + seen.shape[1]] = seen
-        signals[:, 0] = signals[:, 1]
+        signals[:, 0] = signals[:, 1] if run.watched_at_rest is None else run.watched_at_rest
         events = film_events(dict(zip(names, seen, strict=True)), run.status, timeline, run.snaps)
         failed = run.failed_at
         status = events[0].status if run.status.ok and events else run.status
@@ -81,7 +87,8 @@ class Simulation(Brief):
             watched=tuple({n: signals[k, r + 1] for k, n in enumerate(names)} for r in timeline.readings),
             failed_at=None if failed is None else timeline.start + failed * timeline.sample_time,
             failed_command=None if failed is None else float(timeline.commands[failed]),
-            command_unit=unit,
+            command_unit=rig.input_unit,
+            readings=rig.readings,
             events=events,
         )
 
@@ -94,37 +101,47 @@ class Simulation(Brief):
         unsound = (event.time for event in self.events if event.status is not RunStatus.SNAP_THROUGH)
         return min(unsound, default=np.inf)
 
-    def to_xarray(self, experiment: Experiment) -> Any:
+    def to_xarray(self, experiment: Experiment | Recording) -> Any:
         """Return commands, readings and internal signals as an `xarray.Dataset` over all samples.
 
         Parameters
         ----------
-        experiment : Experiment
-            Experiment that was simulated, with clock, commands and units.
+        experiment : Experiment or Recording
+            Experiment that was simulated, with clock and commands.
 
         Returns
         -------
         xarray.Dataset
-            Dataset with the dimension ``sample`` and the coordinates ``time`` in s and ``record``.
+            Dataset with the dimension ``sample`` and the coordinates ``time`` in s and ``record``. The first reading is
+            the variable ``reading``, and a further reading such as the current is ``current_reading``.
+
+        Raises
+        ------
+        DataError
+            If `experiment` has other numbers of samples than the simulation.
         """
-        records = experiment.recordings
-        first, signals = (
-            records[0],
-            {name: ("sample", _joined([w[name] for w in self.watched])) for name in self.watched[0]},
-        )
+        along = simulated_clock(experiment, [y[0] for y in self.outputs])
+        names = ["reading", *(f"{one.name}_reading" for one in self.readings[1:])]
         return dataset(
             {
-                **signals,
-                "command": ("sample", _joined([r.inputs[0] for r in records]), self.command_unit),
-                "reading": ("sample", _joined([y[0] for y in self.outputs]), first.output_units[0]),
+                **{name: ("sample", _joined([w[name] for w in self.watched])) for name in self.watched[0]},
+                "command": (
+                    "sample",
+                    _joined([r.inputs[0] for r in as_experiment(experiment).recordings]),
+                    self.command_unit,
+                ),
+                **{
+                    name: ("sample", _joined([y[k] for y in self.outputs]), one.unit)
+                    for k, (name, one) in enumerate(zip(names, self.readings, strict=True))
+                },
             },
-            clock(records),
+            along,
             {
                 "status": self.status.name,
                 "advice": self.advice,
                 "failed_at_s": self.failed_at,
                 "failed_command": self.failed_command,
-                "reading_name": first.output_names[0],
+                "reading_name": self.readings[0].name,
                 "events": [f"{event.status.name} at {event.time:g} s" for event in self.events],
             },
         )

@@ -107,7 +107,7 @@ GIVEN = {
         "model": MODEL,
         "plant": PLANT,
         "rng": RNG,
-        "design": control.lambda_tuning,
+        "design": None,
         "operating_input": 0.5,
         "operating_inputs": [0.5],
         "command_limits": LIMITS,

@@ -9,7 +9,18 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from deatwin.plant import CalibratedPlant, Creep, DataError, Diaphragm, Experiment, Plant, Recording, actuation_curve
+from deatwin.plant import (
+    CalibratedPlant,
+    Creep,
+    DataError,
+    Diaphragm,
+    Experiment,
+    Planar,
+    Plant,
+    Reading,
+    Recording,
+    actuation_curve,
+)
 from deatwin.plant.calibrated import fields_of
 from deatwin.plant.datasets import (
     Described,
@@ -153,6 +164,23 @@ def test_a_simulation_stands_along_its_experiment(two_records, kept):
     assert back["reading"].attrs["units"] == "m" and back["time"].attrs["units"] == "s"
     name = next(iter(found.watched[0]))
     np.testing.assert_array_equal(back[name][:20], found.watched[0][name])
+
+
+def test_all_readings_of_a_simulation_of_commands_alone(kept):
+    rig = Planar(further=(Reading(name="current", noise=1e-9), Reading(name="capacitance", noise=1e-12)))
+    commands = Recording(
+        inputs=np.full((1, 25), 1.0), outputs=np.zeros((0, 25)), sample_time=0.02, output_names=(), output_units=()
+    )
+    found = Plant(rig=rig).simulate(commands).require()
+    back = kept(found.to_xarray(commands))
+    expected = {"reading": "m", "current_reading": "A", "capacitance_reading": "F"}
+    assert {name: back[name].attrs["units"] for name in expected} == expected
+    np.testing.assert_array_equal([back[name] for name in expected], found.outputs[0])
+    band = kept(CalibratedPlant.nominal(Plant(rig=rig)).predict(commands).to_xarray(commands))
+    np.testing.assert_allclose(band["current_mean"], found.outputs[0][1], rtol=1e-9, atol=1e-15)
+    assert band["current_deviation"].attrs["units"] == "A" and band["mean"].attrs["units"] == "m"
+    with pytest.raises(DataError, match=r"recordings of \[20\] samples, but those of the simulation have \[25\]"):
+        found.to_xarray(commands.section(0, 20))
 
 
 def test_a_calibrated_plant_and_its_prediction(two_records, kept):

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rig_files import RIG
 
+from deatwin.plant import read_rig
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import read_recording, read_recordings, write_csv
 from deatwin.plant.recording import Recording
@@ -75,6 +77,68 @@ def test_other_rows_keep_when_a_reading_is_taken(reading: ReadingTime, step: flo
     steps = np.diff(found.outputs[0]) / step
     moved = found.inputs[0][1:] if reading is ReadingTime.END_OF_HOLD else found.inputs[0][:-1]
     np.testing.assert_allclose(steps[3:], moved[3:], atol=1e-3)  # before the first reading, none is known
+
+
+@pytest.mark.parametrize("step", [0.002, 0.007, 0.021, 0.05])
+@pytest.mark.parametrize("reading", list(ReadingTime))
+def test_a_reading_keeps_its_time_at_any_new_sample_time(reading: ReadingTime, step: float) -> None:
+    # The sensor reads sin(w t): in the new rows, too, at the end of a row, at its start, or as its mean.
+    omega = 2 * np.pi * 0.5
+    share = {ReadingTime.START_OF_HOLD: 0.0, ReadingTime.MEAN_OVER_HOLD: 0.5, ReadingTime.END_OF_HOLD: 1.0}[reading]
+    times = STEP * np.arange(2000)
+    record = Recording.from_arrays(np.sin(times), np.sin(omega * (times + share * STEP)), STEP)
+    found = resample(record, step, reading=reading)
+    chord = (omega * STEP) ** 2 / 8
+    mean = (omega * step) ** 2 / 24 if reading is ReadingTime.MEAN_OVER_HOLD else 0.0
+    expected = np.sin(omega * (found.timepts + share * step))
+    ripple = 1e-3 if step > 1.1 * STEP else 0.0  # of a low-pass filter with 60 dB
+    assert np.abs(found.outputs[0] - expected).max() <= chord + mean + ripple
+
+
+@pytest.mark.parametrize("step", [0.005, 0.04, 0.05, 0.1])
+@pytest.mark.parametrize("reading", list(ReadingTime))
+def test_a_mean_over_a_row_stays_one(reading: ReadingTime, step: float) -> None:
+    # A current is the mean rate of a charge, here of sin(w t), over the row that ends with the reading.
+    omega, times = 2 * np.pi * 0.5, STEP * np.arange(2000)
+    back = 1.0 if reading is ReadingTime.START_OF_HOLD else 0.0
+
+    def current(clock: np.ndarray, row: float) -> np.ndarray:
+        begin = clock - back * row
+        return (np.sin(omega * (begin + row)) - np.sin(omega * begin)) / row
+
+    record = Recording.from_arrays(
+        np.sin(times), np.cos(times), STEP, extras={"current": current(times, STEP)}, extra_units={"current": "A"}
+    )
+    found = resample(record, step, reading=reading, means=("current",))
+    middle = slice(5, -5)  # the last row ends before half of the one that is wanted
+    errors = (found.extras["current"] - current(found.timepts, step))[middle]
+    # A chord, the ripple of the low-pass filter, and the means over a short and a long row: (w T)^2/24.
+    assert np.abs(errors).max() <= omega * ((omega * STEP) ** 2 / 8 + 1e-3 + (omega * step) ** 2 / 24)
+
+
+def test_the_current_of_a_film_is_a_mean(tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text(RIG)
+    times = STEP * np.arange(2000)
+    write_csv(
+        tmp_path / "r.csv",
+        {
+            "time_s": times,
+            "command_V": 2 + np.sin(times),
+            "displacement_mm": 0.1 * np.cos(times),
+            "current_uA": np.sin(2 * np.pi * 0.5 * (times + STEP / 2)),
+        },
+    )
+    found = read_recording(tmp_path / "r.csv", resample=0.1, rig=read_rig(tmp_path / "rig.toml"))
+    expected = 1e-6 * np.sin(2 * np.pi * 0.5 * (found.timepts + 0.05))
+    assert np.abs(found.extras["current"] - expected).max() < 2e-9  # the ripple of the low-pass filter, twice
+
+
+def test_a_reading_does_not_come_before_its_command() -> None:
+    # The area under a command of steps, read at the ends of the holds: its slope in a new row is the row's command.
+    command = np.repeat(np.random.default_rng(4).uniform(-1, 1, 40), 10)
+    record = Recording.from_arrays(command, STEP * np.cumsum(command), STEP)
+    found = resample(record, STEP / 10)
+    np.testing.assert_allclose(np.diff(found.outputs[0]) * 10 / STEP, found.inputs[0][1:], atol=1e-9)
 
 
 def test_the_bandwidth_is_that_of_the_interpolation() -> None:

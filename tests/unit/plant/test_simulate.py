@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from made_rigs import Pushed
 from slopes import slope_errors
 
-from deatwin.plant import Diaphragm, ElectrodeRC, Plant, RunStatus, SimulationError
+from deatwin.plant import Diaphragm, ElectrodeRC, Plant, ReadingTime, RunStatus, SimulationError
 from deatwin.plant.effects.periodic_disturbance import PeriodicDisturbance
 from deatwin.plant.effects.sensor_lag import SensorLag
 from deatwin.plant.excitation import band_limited_noise
@@ -94,6 +95,16 @@ def test_watched_signals_follow_the_readings(base, experiment):
     signals = simulation.watched[0]
     np.testing.assert_allclose(signals["film_voltage"], 800 * commands(), rtol=1e-12)
     np.testing.assert_allclose(signals["displacement"], simulation.outputs[0][0], atol=1e-15)
+
+
+def test_watched_signals_are_those_at_the_time_of_the_reading(experiment):
+    """Before the first command, the mass rests without a force; its position is the reading."""
+    rig = Pushed(reading=ReadingTime.START_OF_HOLD)
+    simulation = Plant(rig=rig).simulate(experiment(commands()))
+    signals = simulation.watched[0]
+    np.testing.assert_allclose(signals["displacement"], simulation.outputs[0][0], atol=1e-15)
+    assert signals["velocity"][0] == signals["acting"][0] == 0.0
+    np.testing.assert_array_equal(signals["acting"][1:], commands()[:-1])
 
 
 @pytest.mark.parametrize("commands", [(3.0, 0.0, 3.0), (3.4, -1.5, 3.4)])

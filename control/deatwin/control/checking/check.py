@@ -19,6 +19,7 @@ from deatwin.control.checking.given import (
     known_excitation,
     known_residual,
     require_controller,
+    require_effect,
     require_inside,
     require_laws,
     require_limits,
@@ -100,14 +101,15 @@ def check(
         by default. ``linear`` is the linearised model with the delay of the loop (`LinearModel.in_loop`).
     controller : Controller, optional
         Existing controller to judge instead of designing one. The loop is then closed at the controller's operating
-        input, and `operating_input` is ignored.
+        input; `design`, `operating_input`, `closed_loop_time` and `command_limits` cannot be given.
     operating_input : float, optional
         Constant input about which the loop is closed, in its unit; the mean of the training inputs by default.
     operating_inputs : array_like, shape (n,), optional
         Further constant inputs at which margins are judged, in the input's unit. By default five, evenly spaced over
         the commands that the simulated references need. The controller's operating input is always included.
     closed_loop_time : float, optional
-        Desired time constant lambda of the closed loop for the default design, s; see `lambda_tuning`.
+        Desired time constant lambda of the closed loop for the default design, s; see `lambda_tuning`. For another
+        design, give ``design=partial(lqg, closed_loop_time=0.5)``.
     command_limits : (float, float), optional
         Least and largest command, in its unit; the range of the training data by default.
     recording : Recording, optional
@@ -143,6 +145,13 @@ def check(
     """
     if controller is not None:
         require_controller(controller, model)
+    require_effect(
+        controller,
+        design,
+        operating_input=operating_input,
+        closed_loop_time=closed_loop_time,
+        command_limits=command_limits,
+    )
     known = _known(plant)
     everyone = {name: _known(other) for name, other in (others or {}).items()}
     for one in (known, *everyone.values()):

@@ -19,7 +19,7 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
-from deatwin.plant.words import spaced
+from deatwin.plant.words import listed, spaced
 
 _TAKEN = ("model", "plant")
 _FOREIGN = 3.0
@@ -101,6 +101,22 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
     ):
         if unit and unit != known:
             raise ModelError(f"the model's {signal} is in {unit}, the rig's in {known}")
+
+
+def require_effect(controller: Any, design: Any, **of_design: Any) -> None:
+    """Raise ControlError for arguments of a design that is not made, or that does not take them from the check."""
+    if controller is not None:
+        ignored = [name for name, value in {"design": design, **of_design}.items() if value is not None]
+        if ignored:
+            raise ControlError(
+                f"{listed(ignored)} would have no effect, because a controller is given: leave out either, or change "
+                "the controller"
+            )
+    elif design is not None and of_design["closed_loop_time"] is not None:
+        raise ControlError(
+            f"closed_loop_time would have no effect on the design {_name(design)}: leave it out, or bind it to a design "
+            f"that takes one, as design=partial(lqg, closed_loop_time={of_design['closed_loop_time']:g})"
+        )
 
 
 def require_controller(controller: Any, model: NarxModel) -> None:

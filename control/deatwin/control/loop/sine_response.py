@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import finite, function, instance, numbers, require_fields, taking
 from deatwin.control.errors import ControlError
+from deatwin.control.linear.plant import linearise_plant
 from deatwin.control.loop.closed_loop import approach
 from deatwin.control.loop.long_run import LongRun
 from deatwin.control.progress import Progress, part
@@ -27,9 +28,11 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _SETTLE, _MEASURE = 2, 3  # Number of periods before the measurement, and in it
-_FEWEST = 40
-"""Least number of samples before the measurement, and in it. At high frequencies this adds several periods, because a
-mode rings on."""
+_FEWEST = 40  # Least number of samples before the measurement, and in it
+_DECAY = 1e-4
+"""Share of its amplitude to which each mode of the linearised plant that oscillates decays before the measurement. A mode
+that does not oscillate leaves a drift, which is fitted beside the sine."""
+_LONGEST = 20_000  # Largest number of samples of waiting, because a mode may have hardly any damping
 _PIECE = 20_000  # Number of samples held in memory at a time
 
 
@@ -137,7 +140,8 @@ def sine_response(
     sizes, rates = (np.array(v, dtype=np.float64) for v in (amplitudes, omega))
     h = plant.rig.sample_time
     _increasing(rates, "omega", below=np.pi / h)
-    sines = [_Sine.of(float(rate), h) for rate in rates]
+    ringing = _ringing(plant, operating_input)
+    sines = [_Sine.of(float(rate), h, ringing) for rate in rates]
     ends = np.cumsum([0, *(sine.count for sine in sines)]) / sum(sine.count for sine in sines)
     values = np.array(
         [
@@ -160,9 +164,9 @@ class _Sine:
     count: int
 
     @classmethod
-    def of(cls, omega: float, sample_time: float) -> Self:
+    def of(cls, omega: float, sample_time: float, ringing: int) -> Self:
         period = 2 * np.pi / (omega * sample_time)
-        first = max(int(np.ceil(_SETTLE * period)), _FEWEST)
+        first = max(int(np.ceil(_SETTLE * period)), _FEWEST, ringing)
         return cls(angle=omega * sample_time, first=first, count=first + max(round(_MEASURE * period), _FEWEST))
 
     def basis(self, number: Array) -> Array:
@@ -170,6 +174,13 @@ class _Sine:
         clock, last = self.angle * number, self.count - 1
         drift = (2.0 * number - self.first - last) / (last - self.first)
         return np.stack([np.sin(clock), np.cos(clock), np.ones_like(clock), drift], axis=1)
+
+
+def _ringing(plant: Plant, operating_input: float) -> int:
+    """Return the number of samples in which the modes that oscillate have decayed."""
+    poles = linearise_plant(plant, operating_input).poles
+    slowest = np.max(np.abs(poles[(poles.imag != 0.0) & (np.abs(poles) < 1.0)]), initial=0.0)
+    return 0 if slowest == 0.0 else int(min(np.ceil(np.log(_DECAY) / np.log(slowest)), _LONGEST))
 
 
 def _of_frequency(

@@ -120,7 +120,9 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
     at, sound = _values(top, bottom, found.gain)
     loops, angle, turned = found.gain.loops[sound], found.gain.angle[sound], np.angle(-at[sound])
     np.minimum.at(phase, loops, np.degrees(np.abs(turned)))
-    np.minimum.at(delay, loops, np.mod(turned, 2 * np.pi) / angle * sample_time)
+    samples = np.full(angle.shape, np.inf)  # no delay turns the response at 0 Hz
+    np.divide(np.mod(turned, 2 * np.pi), angle, out=samples, where=angle > 0.0)
+    np.minimum.at(delay, loops, samples * sample_time)
     np.maximum.at(crossover, loops, angle / sample_time)
     disk, modulus = 2.0 * found.disk.distance, found.modulus.distance
     for margin in (gain, phase, delay, disk, modulus):

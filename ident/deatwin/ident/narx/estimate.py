@@ -43,6 +43,13 @@ class Estimator(Protocol):
         """Estimate. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
 
 
+def require_estimator(given: object) -> None:
+    """Raise ModelError unless `given` can be called like an estimator; a class is no estimator before it is called."""
+    if isinstance(given, type) or not callable(given):
+        shown = given.__name__ if isinstance(given, type) else repr(given)
+        raise ModelError(f"estimator = {shown}; give an object, as Ridge()")
+
+
 @dataclass(frozen=True)
 class LeastSquares:
     """Least-squares estimator of the parameters of given terms, by QR decomposition. For `Frols` and `Fixed`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from deatwin.ident.narx.estimate import Estimate, Estimator, least_squares
+from deatwin.ident.narx.estimate import Estimate, Estimator, least_squares, require_estimator
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
@@ -53,8 +53,7 @@ class Fixed(NarxIdentifier):
     def _check(self) -> None:
         if not isinstance(self.terms, NarxModel):
             require_terms(self.terms, "terms", '["y(k-1)", "u(k-1)^2"]', least=1)
-        if not callable(self.estimator):
-            raise ModelError(f"estimator = {self.estimator!r}; give one, as Ridge()")
+        require_estimator(self.estimator)
 
     def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
         return data  # the terms are given, and so is their origin

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.narx.criteria import CRITERIA, criterion_values, free_run_errors, split
-from deatwin.ident.narx.estimate import Estimator, least_squares
+from deatwin.ident.narx.estimate import Estimator, least_squares, require_estimator
 from deatwin.ident.narx.forward import SelectionStep, forward_selection
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
@@ -106,8 +106,7 @@ class Frols(CandidateSearch):
             )
         whole_number(self.max_terms, "max_terms")
         probability(self.held_out, "held_out")
-        if not callable(self.estimator):
-            raise ModelError(f"estimator = {self.estimator!r}; give one, as Ridge()")
+        require_estimator(self.estimator)
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         training: Regression = data

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability
 from deatwin.ident.narx.covariance import covariance_root
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -43,6 +43,9 @@ class ThetaPosterior:
     """
 
     model: NarxModel
+
+    def __post_init__(self) -> None:
+        require_model(self.model)
 
     @property
     def scale(self) -> Array:

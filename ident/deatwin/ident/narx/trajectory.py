@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.document import fields_of, to_document
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.operating import Array
 from deatwin.ident.narx.response import NarxResponse
 from deatwin.ident.narx.terms import Term, Variable
@@ -73,7 +73,7 @@ class ThetaTrajectory(
     }
 
     def __post_init__(self) -> None:
-        m, n = len(self.model.terms), np.size(self.timepts)
+        m, n = len(require_model(self.model).terms), np.size(self.timepts)
         shapes = {"timepts": (n,), "theta": (m, n), "theta_cov": (n, m, m), "drift_variance": (m,)}
         for name, wanted in shapes.items():
             values = np.asarray(getattr(self, name), dtype=np.float64)

@@ -169,7 +169,9 @@ class Effect(ABC):
         return self.name.removesuffix(f"_at_{self.placed_at}") if self.placed_at else self.name
 
     def placed(self, at: str) -> Effect:
-        """Return this effect at another place, at its typical strength there.
+        """Return this effect at another place, with the values of its parameters.
+
+        If the strength has another unit there, it gets its typical value there.
 
         Parameters
         ----------
@@ -194,7 +196,13 @@ class Effect(ABC):
         """
         from deatwin.plant.effects.places import placed  # that module imports this one
 
-        return placed(type(self), at)()
+        there = placed(type(self), at)()
+        return replace(there, **self.shared(there))
+
+    def shared(self, there: Effect) -> dict[str, float]:
+        """Return the values of the parameters that have the same unit in this effect and `there`, at another place."""
+        units = {p.name: p.unit for p in there.describe()}
+        return {p.name: getattr(self, p.name) for p in self.describe() if units[p.name] == p.unit}
 
     @property
     def entry(self) -> str | dict[str, Any]:

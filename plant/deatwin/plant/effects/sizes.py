@@ -169,7 +169,9 @@ class _Similar(Effect):
         return tuple(self.sizes.of(effect) for effect in found)
 
     def placed(self, at: str) -> Effect:
-        return self.sizes.of(self.original().placed(at))
+        here = self.original()
+        there = here.placed(at)
+        return replace(self.sizes.of(there), **{name: getattr(self, name) for name in here.shared(there)})
 
     def __reduce__(self) -> tuple[Any, ...]:
         first = self.original.first if issubclass(self.original, Elsewhere) else self.original

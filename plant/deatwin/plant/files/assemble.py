@@ -1,7 +1,7 @@
 """Make recordings from the table of a file: clock, pieces, signals."""
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -29,7 +29,7 @@ from deatwin.plant.files.timecolumns import (
 from deatwin.plant.files.times import BEGAN, DATES, TIMES_OF_DAY
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import LIKE_TIMES, USUAL_TIMES
-from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
+from deatwin.plant.readings import ELECTRICAL_UNITS, MEANS, Reading
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.resampling import Resampling, plan_resampling
@@ -110,7 +110,15 @@ def recordings_of(
     remark = "; ".join(text for text in (held, remark) if text)
     source = _Source(table=table, roles=roles, numbers=numbers, kept=kept, remark=remark)
     try:
-        recordings = _recordings(source, told, stated, allow_gaps=allow_gaps, resample=resample, reading=reading)
+        recordings = _recordings(
+            source,
+            told,
+            stated,
+            allow_gaps=allow_gaps,
+            resample=resample,
+            reading=reading,
+            means=() if rig is None else MEANS,
+        )
     except DataError as error:
         if times is not None and (fault := unpadded(table, times)):
             raise DataError(fault) from None
@@ -292,13 +300,16 @@ class _Source:
         self,
         clock: Floats,
         sample_time: float,
-        take: Mapping[str, Callable[[Floats], Floats]],
+        take: Mapping[str, Callable[[Floats, str], Floats]],
         about: Mapping[str, str],
     ) -> Recording:
         """Make a recording from selected rows of each column, by role."""
         signals, rows = self._signals(), {}
         for role, columns in self.roles.items():
-            taken = [take[role](self.numbers[column]) for column in columns]
+            taken = [
+                take[role](self.numbers[column], signal.name)
+                for column, signal in zip(columns, signals[role], strict=True)
+            ]
             rows[role] = np.reshape(taken, (len(columns), clock.size))
         return Recording(
             inputs=rows["input"],
@@ -343,13 +354,15 @@ def _recordings(
     allow_gaps: bool,
     resample: float | None,
     reading: ReadingTime,
+    means: Collection[str],
 ) -> tuple[Recording, ...]:
     """Return the recordings of the rows, at the times in the file or on the stated clock."""
     samples = source.kept.size
     step, start = (stated.sample_time, stated.start) if stated else (0.0, 0.0)
     if resample is not None and not (stated.agrees(resample) if told is None and stated else _is_even(told, resample)):
         timepts = start + step * np.arange(samples, dtype=np.float64) if told is None else told
-        return _resampled(source, plan_resampling(timepts, resample, source.where, allow_gaps=allow_gaps), reading)
+        plan = plan_resampling(timepts, resample, source.where, allow_gaps=allow_gaps, reading=reading, means=means)
+        return _resampled(source, plan)
     if told is None:
         pieces = [Piece.even(samples, step, start)]
     else:
@@ -360,7 +373,7 @@ def _recordings(
         source.recording(
             piece.clock,
             step,
-            dict.fromkeys(source.roles, piece.take),
+            dict.fromkeys(source.roles, _nameless(piece.take)),
             source.origin(piece.first, piece.last, piece.remark)
             | ({"resampled": "linear, from times off the even clock"} if piece.interpolated else {}),
         )
@@ -368,16 +381,21 @@ def _recordings(
     )
 
 
-def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple[Recording, ...]:
+def _nameless(take: Callable[[Floats], Floats]) -> Callable[[Floats, str], Floats]:
+    """Return a function that also takes the name of the signal, which does not matter to `take`."""
+    return lambda values, _: take(values)
+
+
+def _resampled(source: _Source, plan: Resampling) -> tuple[Recording, ...]:
     """Resample rows to an even clock, and return the recordings."""
     made = []
     for piece, (clock, rows) in enumerate(zip(plan.clocks, plan.rows, strict=True)):
-        commands, readings = partial(plan.commands, piece), partial(plan.readings, piece, reading=reading)
+        readings, commands = partial(plan.readings, piece), _nameless(partial(plan.commands, piece))
         take = {"input": commands, "output": readings, "extra": readings}
-        about = source.origin(*rows) | {"resampled": plan.sentence(reading)}
+        about = source.origin(*rows) | {"resampled": plan.sentence()}
         fine = source.recording(clock, plan.sample_time / plan.factor, take, about)
         try:
-            made.append(decimate(fine, plan.factor, reading=reading))
+            made.append(decimate(fine, plan.factor, reading=plan.reading, means=plan.means))
         except DataError as error:  # too short for the filter
             raise DataError(
                 f"{source.where(rows[0])}, with a sample every {plan.sample_time:g} s: {error}", error.offers

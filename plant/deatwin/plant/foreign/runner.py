@@ -138,7 +138,7 @@ class _Around:
         channels = {**self._channels, BEFORE: before, AFTER: after}
         given: Given = {**self._given, "values": values, "channels": channels}
         found = run(self._commands, **given)
-        return replace(found, watched=self._watched(found.watched, call))
+        return replace(found, watched=self._watched(found.watched, call), watched_at_rest=None)
 
     def _watched(self, watched: np.ndarray | None, call: Call) -> np.ndarray | None:
         if watched is None or APPLIED not in self._simulator.equations.signals:

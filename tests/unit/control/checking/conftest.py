@@ -128,7 +128,7 @@ def checked() -> Callable[..., Check]:
     """``checked(model, plant, seed=3, samples=60, ...)``: the check, by default of the shortest closed loop."""
 
     def found(model: NarxModel, plant: Plant, seed: int = 3, samples: int = 60, **details: Any) -> Check:
-        given = {"closed_loop_time": FAST} | details
+        given = details if details.keys() & {"controller", "design"} else {"closed_loop_time": FAST} | details
         return check(model, plant, rng=np.random.default_rng(seed), samples=samples, **given)
 
     return found

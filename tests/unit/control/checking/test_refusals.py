@@ -16,6 +16,7 @@ from deatwin.control import (
     Verdict,
     from_control,
     linearise,
+    loop_shaping,
 )
 from deatwin.control.checking.trial import Trial, require_short_runs
 from deatwin.ident.narx import NarxModel
@@ -133,6 +134,20 @@ def test_a_controller_of_one_s_own_whose_law_breaks_is_one_clear_error(checked, 
     assert isinstance(caught.value.__cause__, KeyError)
     with pytest.raises(ControlError, match=r"Unlawful\.local returned str at 0; it must return a Law"):
         checked(exact(), rig, controller=Unlawful(**values, returned="PI"))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"design": loop_shaping}, {"operating_input": 0.1}, {"closed_loop_time": 0.3}, {"command_limits": (-1, 1)}],
+)
+def test_what_only_a_design_takes_is_refused_beside_a_controller(checked, exact, rig, fast, given):
+    with pytest.raises(ControlError, match=f"{next(iter(given))} would have no effect, because a controller is given"):
+        checked(exact(), rig, controller=fast, **given)
+
+
+def test_a_closed_loop_time_is_refused_beside_a_design_that_does_not_get_it(checked, exact, rig):
+    with pytest.raises(ControlError, match=r"no effect on the design loop_shaping: .* design=partial\(lqg, clos"):
+        checked(exact(), rig, design=loop_shaping, closed_loop_time=0.3)
 
 
 def test_runs_without_an_end_are_refused_with_the_longest_closed_loop_time(checked, exact, rig, fast):

@@ -206,6 +206,14 @@ def test_a_static_loop_has_a_gain_margin_to_minus_one_and_none_at_it():
     assert not any(np.isnan(v).any() for v in vars(found).values())
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_lag_of_unit_gain_at_rest_has_every_delay_margin():
+    # L = z^-1/(2 - z^-1) is 1 at 0 Hz and smaller above, so no delay makes it -1; L = -1/3 at half the sampling rate.
+    found = margins([0.0, 1.0], [2.0, -1.0], 1.0)
+    assert found.stable[0] and np.isinf(found.delay[0])
+    np.testing.assert_allclose([found.gain[0], found.phase_deg[0]], [3.0, 180.0], rtol=1e-12)
+
+
 def test_an_integrator_that_a_zero_cancels_leaves_the_loop_unstable():
     # The pole at 1 is not moved by the feedback: (1 - z^-1)(1 + 0.1 z^-1) closed.
     found = margins([[0.0, 0.1, -0.1]], [[1.0, -1.0, 0.0]], H)

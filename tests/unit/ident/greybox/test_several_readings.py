@@ -81,6 +81,16 @@ def test_a_reading_in_another_unit_is_refused(recording: Recording) -> None:
         calibrate(Plant(rig=TANK), wrong)
 
 
+@pytest.mark.parametrize("names", [("outflow", "level"), ("depth", "level"), ("outflow", "depth")])
+def test_rows_in_another_order_than_the_readings_are_refused(recording: Recording, names: tuple[str, str]) -> None:
+    # In one unit, the flow would count as the level.
+    tank = replace(TANK, further=(Reading(name="outflow", unit="m", noise=0.01),))
+    both = np.stack([0.5 * recording.outputs[0], recording.outputs[0]])
+    swapped = replace(recording, outputs=both, output_names=names, output_units=("m", "m"), extras={}, extra_units={})
+    with pytest.raises(DataError, match=f'its first output is "{names[0]}", but the first reading .* is "level"'):
+        calibrate(Plant(rig=tank), swapped)
+
+
 def test_simulated_recordings_of_all_readings_give_the_plant_back(recording: Recording) -> None:
     truth = Plant(rig=TANK, values={"drain": 0.5, "area": 1.0})
     made = truth.record(Experiment(recordings=(recording,)), np.random.default_rng(2))

@@ -19,6 +19,11 @@ def model(dof=9.0, **details):
     return NarxModel.from_terms(TERMS, sample_time=0.1, theta_cov=COV, noise_variance=0.01, theta_dof=dof, **details)
 
 
+def test_an_estimator_has_no_posterior():
+    with pytest.raises(ModelError, match="a SvbNarx is not a NarxModel"):
+        ThetaPosterior(model=SvbNarx())
+
+
 @pytest.mark.parametrize("dof", [5.0, 40.0, math.inf])
 def test_intervals_are_those_of_the_law(dof):
     posterior = ThetaPosterior(model=model(dof))

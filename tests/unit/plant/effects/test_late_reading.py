@@ -25,7 +25,7 @@ INTERPOLATION = (HOLD / TIME) ** 5 / 15120
 
 
 def late(time: float) -> Effect:
-    return replace(Lag.sizes.of(Delay()).placed("reading"), time=time)
+    return replace(Lag.sizes.of(Delay()), time=time).placed("reading")
 
 
 def plant(time: float, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> Plant:

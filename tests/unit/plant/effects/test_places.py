@@ -51,7 +51,7 @@ def line(values: np.ndarray, frequency: float) -> complex:
 @pytest.mark.parametrize(("at", "per_unit"), [("command", 1e-3), ("force", 1.0)])
 def test_a_tone_behind_the_plant_is_filtered_by_it(at, per_unit):
     f, omega = 6.0, 2 * np.pi * 6.0
-    tone = replace(PeriodicDisturbance().placed(at), amplitude=0.02, frequency=f, phase=0.4)
+    tone = replace(PeriodicDisturbance(frequency=f, phase=0.4).placed(at), amplitude=0.02)
     expected = per_unit * 0.02 * np.exp(0.4j) / (STIFFNESS - MASS * omega**2 + 1j * omega * DAMPING)
     assert abs(line(read(tone), f) / expected - 1) < 1e-3
 
@@ -60,7 +60,7 @@ def test_a_tone_behind_the_plant_is_filtered_by_it(at, per_unit):
 def test_a_late_reading_is_the_same_one_later(time, frequency):
     """To what the polynomial through five nodes of a sample leaves of a sine (`test_late_reading.py`)."""
     tone = replace(PeriodicDisturbance().placed("force"), amplitude=0.02, frequency=frequency)
-    late = replace(Delay().placed("reading"), time=time)
+    late = Delay(time=time).placed("reading")
     turned = line(read(tone, late), frequency) / line(read(tone), frequency)
     assert abs(turned * np.exp(2j * np.pi * frequency * time) - 1) < (2 * np.pi * frequency / RATE) ** 5 / 15120 + 1e-6
 
@@ -70,7 +70,7 @@ def test_many_samples_late():
     given = Experiment(recordings=(Recording.from_arrays(held, np.zeros((0, held.size)), 1e-3),))
     plant = Oscillator(sample_time=1e-3)
     sound = plant.with_effects().simulate(given).require().outputs[0][0]
-    late = plant.with_effects(replace(Delay().placed("reading"), time=0.1)).simulate(given).require().outputs[0][0]
+    late = plant.with_effects(Delay(time=0.1).placed("reading")).simulate(given).require().outputs[0][0]
     np.testing.assert_allclose(late[100:], sound[:-100], atol=1e-9 * np.ptp(sound))
     np.testing.assert_allclose(late[:100], 0.0, atol=1e-9 * np.ptp(sound))
 
@@ -78,19 +78,18 @@ def test_many_samples_late():
 def test_gains_and_offsets_drift_by_their_shares():
     elapsed = 1 - np.exp(-(TIME + 1 / RATE) / 20.0)
     settled = TIME > 3.0
-    gain = replace(SensorDrift().placed("reading_gain"), change=0.1, time=20.0)
+    gain = replace(SensorDrift(time=20.0).placed("reading_gain"), change=0.1)
     np.testing.assert_allclose((read(gain) / read())[settled], (1 + 0.1 * elapsed)[settled], rtol=1e-6)
     # The plant follows a drift of 20 s within its own 0.4 s.
     for at, change in (("command_gain", 0.1), ("command", 1.0)):
-        drift = replace(SensorDrift().placed(at), change=change, time=20.0)
+        drift = replace(SensorDrift(time=20.0).placed(at), change=change)
         np.testing.assert_allclose((read(drift) / read())[settled], (1 + 0.1 * elapsed)[settled], rtol=5e-3)
 
 
 def test_a_lag_of_the_command_equals_one_of_the_reading_of_a_linear_plant():
     tone = replace(PeriodicDisturbance().placed("command"), amplitude=0.5, frequency=3.0)
-    at_reading = replace(SensorLag(), time=0.03, inertia=0.3)
-    at_command = replace(SensorLag().placed("command"), time=0.03, inertia=0.3)
-    one, other = (line(read(tone, lag), 3.0) for lag in (at_reading, at_command))
+    lag = SensorLag(time=0.03, inertia=0.3)
+    one, other = (line(read(tone, at), 3.0) for at in (lag, lag.placed("command")))
     assert abs(one / other - 1) < 1e-3
 
 
