@@ -64,9 +64,14 @@ def prepare(
         If the plant cannot be simulated on the recordings.
     """
     known = effects_for(plant.rig, effects)
-    plant = resolved(plant, checked.experiments)
     problem = _problem_of(plant, checked, known, jobs)
     base = calibrate_base(problem)
+    # A nominal damping may be far too small, so how fast the plant moves is known only after a calibration.
+    stages = resolved(base.chosen.calibration.plant, checked.experiments).stages
+    if stages != plant.stages:
+        plant = replace(plant, stages=stages)
+        problem = _problem_of(plant, checked, known, jobs)
+        base = calibrate_base(problem)
     noisier = _noisier(base, problem)
     if noisier:
         plant = plant.with_rig(replace(plant.rig, further=noisier))
