@@ -391,7 +391,7 @@ def _resampled(source: _Source, plan: Resampling) -> tuple[Recording, ...]:
     made = []
     for piece, (clock, rows) in enumerate(zip(plan.clocks, plan.rows, strict=True)):
         readings, commands = partial(plan.readings, piece), _nameless(partial(plan.commands, piece))
-        take = {"input": commands, "output": readings, "extra": readings}
+        take: dict[str, Callable[[Floats, str], Floats]] = {"input": commands, "output": readings, "extra": readings}
         about = source.origin(*rows) | {"resampled": plan.sentence()}
         fine = source.recording(clock, plan.sample_time / plan.factor, take, about)
         try:
