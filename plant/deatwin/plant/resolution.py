@@ -30,29 +30,37 @@ FINE = 1e-6  # Least noise that counts, relative to the range of the readings, b
 
 def resolved(plant: Plant, experiments: Sequence[Experiment]) -> Plant:
     """Return a plant with as many stages as its first reading needs, and warn if no number is large enough."""
+    stages, error = stages_for(plant, experiments)
+    if error > 0.0:
+        logger.warning(
+            "the %s is simulated with an error of up to %s after steps of the command, because the plant moves faster "
+            "than its samples; with a shorter sample time the error is smaller",
+            plant.rig.output_name,
+            with_unit(error, plant.rig.output_unit),
+        )
+    return plant if stages == plant.stages else replace(plant, stages=stages)
+
+
+def stages_for(plant: Plant, experiments: Sequence[Experiment]) -> tuple[int, float]:
+    """Return how many stages the first reading needs, and 0; or a plant's own number and its largest error, SI, if no
+    number is large enough.
+    """
     if not plant.rig.equations_known or mode_error(plant) < SLOW:
-        return plant
+        return plant.stages, 0.0
     exact = _readings(_split(plant), [_repeated(experiment) for experiment in experiments])
     if exact is None:
-        return plant
+        return plant.stages, 0.0
     exact = _READ[plant.rig.reading](exact.reshape(-1, FINER))
     noise = max(plant.rig.noise, FINE * float(np.ptp(exact)), np.finfo(float).tiny)
-    finer, errors = plant, []
-    while finer.stages <= MOST:
-        found = _readings(finer, experiments)
+    errors = []
+    for stages in range(plant.stages, MOST + 1, MORE):
+        found = _readings(replace(plant, stages=stages), experiments)
         if found is None:
-            return plant
+            return plant.stages, 0.0
         errors.append(found - exact)
         if np.sum((errors[-1] / noise) ** 2) <= UNSEEN:
-            return finer
-        finer = replace(finer, stages=finer.stages + MORE)
-    logger.warning(
-        "the %s is simulated with an error of up to %s after steps of the command, because the plant moves faster than its "
-        "samples; with a shorter sample time the error is smaller",
-        plant.rig.output_name,
-        with_unit(float(np.abs(errors[0]).max()), plant.rig.output_unit),
-    )
-    return plant
+            return stages, 0.0
+    return plant.stages, float(np.abs(errors[0]).max())
 
 
 def mode_error(plant: Plant) -> float:

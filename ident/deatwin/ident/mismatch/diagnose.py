@@ -39,6 +39,7 @@ from deatwin.ident.parallel import one_thread, require_workers, spawn_generators
 from deatwin.plant.effects.base import Effect, require_effects
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.resolution import resolved
 
 Progress = Callable[[float, str], None]
 
@@ -159,7 +160,7 @@ def diagnose(
     part = None if stands or len(naming.candidates) == 1 else acting(naming, problem, for_rest)
     naming, verification = (naming, verification) if part is None else part
     keep(found_step("verify", verification if verification.ablations else None))
-    base = base.in_variant_of(naming.base).with_stages(plant.stages)
+    base = base.in_variant_of(naming.base).with_stages(max(plant.stages, problem.nominal.stages))
     naming, elsewhere = without_places(naming)
     verdict = _verdict(problem, checked, base, detection, naming, verification, stands, part is not None)
     answer = naming.best if naming.best is not None and verdict.has_causes else base.chosen
@@ -178,8 +179,11 @@ def diagnose(
     tell(0.95, "fitting all recordings")
     last = discovery.calibration if discovery is not None else answer.calibration
     whole = verification.whole if answer is naming.best else detection.taken_up
-    # Effects with kinks move less alike with fewer stages than the base plant does, so the last fit has all of them.
-    final = refit((last if whole is None else whole).with_stages(plant.stages), problem.everything)
+    # Effects with kinks move less alike with fewer stages than the base plant does, so the last fit has all of them,
+    # and more if its plant moves faster than the samples.
+    begun = (last if whole is None else whole).with_stages(plant.stages)
+    stages = resolved(begun.plant, checked.experiments).stages
+    final = refit(begun.with_stages(stages), problem.everything)
     diagnosis = conclude(
         Findings(
             problem=problem,

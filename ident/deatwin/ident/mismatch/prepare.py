@@ -21,7 +21,7 @@ from deatwin.plant.effects.base import Alone, Effect, require_effects
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.model import Plant
 from deatwin.plant.readings import Reading
-from deatwin.plant.resolution import resolved
+from deatwin.plant.resolution import stages_for
 from deatwin.plant.rigs.base import Rig
 
 Levels = tuple[tuple[np.ndarray, ...], ...]
@@ -67,7 +67,7 @@ def prepare(
     problem = _problem_of(plant, checked, known, jobs)
     base = calibrate_base(problem)
     # A nominal damping may be far too small, so how fast the plant moves is known only after a calibration.
-    stages = resolved(base.chosen.calibration.plant, checked.experiments).stages
+    stages, _ = stages_for(base.chosen.calibration.plant, checked.experiments)
     if stages != plant.stages:
         plant = replace(plant, stages=stages)
         problem = _problem_of(plant, checked, known, jobs)
