@@ -180,9 +180,9 @@ def diagnose(
     last = discovery.calibration if discovery is not None else answer.calibration
     whole = verification.whole if answer is naming.best else detection.taken_up
     # Effects with kinks move less alike with fewer stages than the base plant does, so the last fit has all of them,
-    # and more if its plant moves faster than the samples.
-    begun = (last if whole is None else whole).with_stages(plant.stages)
-    stages = resolved(begun.plant, checked.experiments).stages
+    # and more if the rig moves faster than the samples.
+    begun = last if whole is None else whole
+    stages = resolved(_without_added(plant, begun.plant), checked.experiments).stages
     final = refit(begun.with_stages(stages), problem.everything)
     diagnosis = conclude(
         Findings(
@@ -204,6 +204,12 @@ def diagnose(
     )
     tell(1.0, "done")
     return diagnosis
+
+
+def _without_added(plant: Plant, fitted: Plant) -> Plant:
+    """Return the given plant with the rig and the values of a fitted one."""
+    known = plant.with_rig(fitted.rig)
+    return known.with_values({name: fitted.parameters[name].value for name in known.parameters.free})
 
 
 def _among_variants(
