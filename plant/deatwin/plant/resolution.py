@@ -30,6 +30,7 @@ MORE, MOST = 2, 11  # Stages that are added at a time, and their largest number
 UNSEEN = 1.0
 """Largest sum of the squared errors of the readings, in units of the noise; a log-likelihood then changes by one nat
 (standard deviation)."""
+WORTH = 0.1  # Share of the error that more stages must leave at most if they do not suffice, because they take longer
 FINE = 1e-6  # Least noise that counts, relative to the range of the readings, because a rig may state none
 
 
@@ -46,21 +47,24 @@ def resolved(plant: Plant, experiments: Sequence[Experiment]) -> Plant:
     if exact is None:
         return plant
     noise = max(plant.rig.noise, FINE * float(np.ptp(exact)), np.finfo(float).tiny)
-    finer, errors = plant, []
+    finer, tried = plant, []
     while finer.stages <= MOST and (found := _readings(finer, experiments)) is not None:
-        errors.append(found - exact)
-        if np.sum((errors[-1] / noise) ** 2) <= UNSEEN:
+        tried.append((float(np.abs(found - exact).max()), finer))
+        if np.sum(((found - exact) / noise) ** 2) <= UNSEEN:
             return finer
         finer = replace(finer, stages=finer.stages + MORE)
-    if not errors:
+    if not tried:
         return plant
+    error, best = min(tried, key=lambda one: one[0])
+    if error > WORTH * tried[0][0]:
+        error, best = tried[0]
     logger.warning(
         "the %s is simulated with an error of up to %s after steps of the command, because the plant moves faster than its "
         "samples; with a shorter sample time the error is smaller",
         plant.rig.output_name,
-        with_unit(float(np.abs(errors[0]).max()), plant.rig.output_unit),
+        with_unit(error, plant.rig.output_unit),
     )
-    return plant
+    return best
 
 
 def mode_error(plant: Plant, steps: int = 1) -> float:

@@ -144,3 +144,26 @@ def test_what_no_number_of_stages_follows_is_told(oscillator, experiment, caplog
     told = re.search("the position is simulated with an error of up to ([0-9.]+) µm", caplog.text)
     assert told is not None
     assert 100.0 < float(told[1]) < 2 * 667.0
+
+
+def test_more_stages_that_do_not_suffice_are_used_where_they_help(
+    oscillator, experiment, caplog: pytest.LogCaptureFixture
+) -> None:
+    """At twice the sampling rate; the motion of a step, 60 N on 4e3 N/m, is 15 mm, and the noise a nanometre."""
+    frequency, slow = 0.2 * 2 * np.pi / STEP, 10 * STEP
+    rig = oscillator(sample_time=slow, noise=1e-9)
+    plant = Plant(rig=rig, values={"damping": 8.0, "stiffness": frequency**2 + 4.0**2})
+    commands = np.repeat([0.0, 60.0], 10)
+    with caplog.at_level(logging.WARNING):
+        used = resolved(plant, [experiment(commands, sample_time=slow)])
+    away, factor = -60.0 / (frequency**2 + 16.0), np.exp((-4.0 + 1j * frequency) * slow)
+    after = 1.0 + 4.0 / (1j * frequency)  # of an oscillation from rest, its complex amplitude
+    truth = -away + away * np.real(after * factor ** np.arange(1, 11))
+    errors = [
+        np.abs(one.simulate(experiment(commands, sample_time=slow)).outputs[0][0][10:] - truth).max()
+        for one in (plant, used)
+    ]
+    assert errors[1] < 0.1 * errors[0]
+    told = re.search("with an error of up to ([0-9.]+) nm", caplog.text)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(1e9 * errors[1], rel=0.05)
