@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.checks import experiment_for
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.integrator.collocation import radau
 from deatwin.plant.model import Plant
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rest import rest_state
-from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.simulation import Simulation
 
 logger = logging.getLogger(__name__)
 
-SLOW = 1e-5  # Error of a mode after one step, relative to its amplitude, below which no reading is compared
-FINER = 16  # Number of steps per sample in the simulation with which readings are compared
+SLOW = 1e-5  # Error of a mode after one sample, relative to its amplitude, below which no reading is compared
+FINER, FINEST = 16, 64  # Least and largest number of steps per sample of the simulation that readings are compared with
+EXACT = 1e-3  # Error of a mode in that simulation, relative to its amplitude, above which it takes more steps
 MORE, MOST = 2, 11  # Stages that are added at a time, and their largest number
 UNSEEN = 1.0
 """Largest sum of the squared errors of the readings, in units of the noise; a log-likelihood then changes by one nat
 (standard deviation)."""
+WORTH = 0.1  # Share of the error that more stages must leave at most if they do not suffice, because they take longer
 FINE = 1e-6  # Least noise that counts, relative to the range of the readings, because a rig may state none
 
 
@@ -42,32 +45,56 @@ def resolved(plant: Plant, experiments: Sequence[Experiment]) -> Plant:
 
 
 def stages_for(plant: Plant, experiments: Sequence[Experiment]) -> tuple[int, float]:
-    """Return how many stages the first reading needs, and 0; or a plant's own number and its largest error, SI, if no
-    number is large enough.
+    """Return how many stages the first reading needs, and 0; or the best number and its largest error, SI, if no number
+    is large enough.
     """
     if not plant.rig.equations_known or mode_error(plant) < SLOW:
         return plant.stages, 0.0
-    exact = _readings(_split(plant), [_repeated(experiment) for experiment in experiments])
+    steps = FINER
+    while steps < FINEST and mode_error(plant, steps) > EXACT:
+        steps *= 2
+    # A reading that comes late is stored over its sample as a polynomial with as many coefficients as there are stages.
+    finest = replace(plant, stages=plant.stages + MORE) if plant.equations.shifts else plant
+    exact = _readings(finest, experiments, steps)
     if exact is None:
         return plant.stages, 0.0
-    exact = _READ[plant.rig.reading](exact.reshape(-1, FINER))
     noise = max(plant.rig.noise, FINE * float(np.ptp(exact)), np.finfo(float).tiny)
-    errors = []
+    errors: dict[int, float] = {}
     for stages in range(plant.stages, MOST + 1, MORE):
         found = _readings(replace(plant, stages=stages), experiments)
         if found is None:
-            return plant.stages, 0.0
-        errors.append(found - exact)
-        if np.sum((errors[-1] / noise) ** 2) <= UNSEEN:
+            break
+        if np.sum(((found - exact) / noise) ** 2) <= UNSEEN:
             return stages, 0.0
-    return plant.stages, float(np.abs(errors[0]).max())
+        errors[stages] = float(np.abs(found - exact).max())
+    if not errors:
+        return plant.stages, 0.0
+    best = min(errors, key=errors.__getitem__)
+    kept = best if errors[best] <= WORTH * errors[plant.stages] else plant.stages
+    return kept, errors[kept]
 
 
-def mode_error(plant: Plant) -> float:
-    """Return the largest error of a free mode about rest after one sample, relative to its amplitude; 0 without rest."""
+def mode_error(plant: Plant, steps: int = 1) -> float:
+    """Return the largest error of a free mode about rest after one sample, taken in a number of steps, relative to its
+    amplitude; 0 without rest.
+    """
+    butcher = radau(plant.stages)[1]
+    one, ones = np.eye(len(butcher)), np.ones(len(butcher))
+    modes = _modes(plant) * plant.rig.sample_time
+    with np.errstate(over="ignore", invalid="ignore"):  # of a mode that runs away
+        errors = [
+            abs(np.linalg.solve(one - mode / steps * butcher, ones)[-1] ** steps - np.exp(mode)) for mode in modes
+        ]
+    return float(np.nan_to_num(np.max(errors, initial=0.0)))
+
+
+def _modes(plant: Plant) -> np.ndarray:
+    """Return the rates of the free modes about rest, 1/s; none without rest."""
     equations, command = plant.equations, plant.rig.start.rest_command
     try:
         rest = rest_state(equations, command, plant.free_values)
+        if not rest.found:
+            return np.empty(0)
         (unknowns, *others), arguments = equations.symbols()
         slope = ca.jacobian(equations.dynamics(*arguments), unknowns)
         slopes = ca.Function("slopes", [unknowns, *others], [slope, equations.mass(*others[-2:])])
@@ -76,58 +103,24 @@ def mode_error(plant: Plant) -> float:
         matrix, mass = (
             np.asarray(v) for v in slopes(here, rest.d, inputs, 0.0, plant.free_values, equations.constants)
         )
-        n_x = len(equations.states)
-        follows = np.linalg.solve(matrix[n_x:, n_x:], matrix[n_x:, :n_x])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            rates = (matrix[:n_x, :n_x] - matrix[:n_x, n_x:] @ follows) / mass.reshape(-1, 1)
-        modes = np.linalg.eigvals(rates)
+        inert = np.zeros(len(here), dtype=bool)
+        inert[: mass.size] = mass.ravel() != 0.0  # a state without inertia follows at once, as a coordinate does
+        follows = np.linalg.solve(matrix[np.ix_(~inert, ~inert)], matrix[np.ix_(~inert, inert)])
+        rates = matrix[np.ix_(inert, inert)] - matrix[np.ix_(inert, ~inert)] @ follows
+        return np.linalg.eigvals(rates / mass[inert[: mass.size]].reshape(-1, 1))
     except (RuntimeError, np.linalg.LinAlgError):
-        return 0.0
-    if not rest.found:
-        return 0.0
-    butcher = radau(equations.stages)[1]
-    steps = modes * plant.rig.sample_time
-    one, ones = np.eye(len(butcher)), np.ones(len(butcher))
-    with np.errstate(over="ignore", invalid="ignore"):  # of a mode that runs away
-        errors = [abs(np.linalg.solve(one - step * butcher, ones)[-1] - np.exp(step)) for step in steps]
-    return float(np.nan_to_num(np.max(errors, initial=0.0)))
+        return np.empty(0)
 
 
-_READ: dict[ReadingTime, Callable[[np.ndarray], np.ndarray]] = {
-    ReadingTime.START_OF_HOLD: lambda parts: parts[:, 0],
-    ReadingTime.END_OF_HOLD: lambda parts: parts[:, -1],
-    ReadingTime.MEAN_OVER_HOLD: lambda parts: parts.mean(axis=1),
-}
-"""Reading of each sample from those of its parts, (n, parts)."""
-
-
-def _split(plant: Plant) -> Plant:
-    """Return a plant whose samples are parts of the given plant's."""
-    return plant.with_rig(replace(plant.rig, sample_time=plant.rig.sample_time / FINER))
-
-
-def _repeated(experiment: Experiment) -> Experiment:
-    """Return an experiment whose samples are parts of the given one's."""
-    return replace(
-        experiment,
-        recordings=tuple(
-            replace(
-                record,
-                inputs=np.repeat(record.inputs, FINER, axis=1),
-                outputs=np.repeat(record.outputs, FINER, axis=1),
-                extras={name: np.repeat(row, FINER) for name, row in record.extras.items()},
-                sample_time=record.sample_time / FINER,
-            )
-            for record in experiment.recordings
-        ),
-    )
-
-
-def _readings(plant: Plant, experiments: Sequence[Experiment]) -> np.ndarray | None:
-    """Return the first reading in all experiments, (n,); None if a simulation fails."""
+def _readings(plant: Plant, experiments: Sequence[Experiment], steps: int = 1) -> np.ndarray | None:
+    """Return the first reading in all experiments, (n,), with each sample in some steps; None if a simulation fails."""
+    runner, found = plant.rig.runner(plant.simulator.in_steps(steps), plant.parameters), []
     try:
-        runs = [plant.simulate(experiment) for experiment in experiments]
+        for experiment in experiments:
+            timeline = plant.timeline(experiment_for(plant.rig, experiment))
+            run = runner.run(**plant.given(timeline))
+            found += [rows[0] for rows in Simulation.of(run, timeline, plant.signals, plant.rig).outputs]
     except DeatwinError:
         return None
-    found = np.concatenate([rows[0] for run in runs for rows in run.outputs])
-    return found if np.isfinite(found).all() else None
+    readings = np.concatenate(found)
+    return readings if np.isfinite(readings).all() else None

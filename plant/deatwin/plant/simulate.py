@@ -94,6 +94,8 @@ class Runner(Protocol):
 class Simulator:
     """A plant's equations, prepared for simulation."""
 
+    steps = 1  # Number of implicit steps in which a plain run takes each sample
+
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
         origin = [equations.dynamics, equations.mass, equations.output, equations.watched]
@@ -113,6 +115,12 @@ class Simulator:
         other.equations = replace(self.equations, channels={**self.equations.channels, **channels})
         return other
 
+    def in_steps(self, count: int) -> Simulator:
+        """Return the simulator whose plain runs take each sample in several steps, under the same inputs."""
+        other = copy(self)
+        other.steps = count
+        return other
+
     @cached_property
     def _single(self) -> StepFunctions:
         return step_functions(self.equations)
@@ -128,14 +136,17 @@ class Simulator:
         march = March(self._march["plain_march"])
         x, z, d, *_, p, c = march.arguments
         x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants
-        done = 0
-        for after_x, after_z, y, w in marched(march, 2, inputs, given["start"], sample_time):
+        taken, parts = 0, np.repeat(inputs, self.steps, axis=1)
+        for found in marched(march, 2, parts, given["start"], sample_time / self.steps):
+            ends = slice(self.steps - 1 - taken % self.steps, None, self.steps)
+            taken += len(found[0])
+            after_x, after_z, y, w = (rows[ends] for rows in found)
             outputs.append(y)
             unknowns.append(np.vstack([after_x.T, after_z.T]))
             watched.append(w.T)
-            done += len(y)
             if progress is not None:
-                progress(done / commands.size)
+                progress(taken / parts.shape[1])
+        done = taken // self.steps
         path = np.hstack(unknowns)
         status, fault = self._end(rest, commands[done:], path, inputs[:, done:], given)
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))

@@ -2,11 +2,15 @@
 
 import logging
 import re
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from made_rigs import Pushed
 
-from deatwin.plant import Plant, ReadingTime
+from deatwin.plant import Delay, Effect, Experiment, Parameter, Plant, ReadingTime, SensorJump, StartProcedure
+from deatwin.plant.builder import Builder
 from deatwin.plant.resolution import mode_error, resolved
 
 pytestmark = pytest.mark.usefixtures("uncompiled")
@@ -68,6 +72,69 @@ def test_a_constant_command_needs_no_more_stages(oscillator, experiment) -> None
     assert resolved(plant, [experiment(np.zeros(50))]) is plant
 
 
+PUSHED = Plant(
+    rig=Pushed(noise=1e-7),
+    values={"mass": 0.01, "damping": 0.02 * DECAY, "stiffness": 0.01 * (0.8 * 2 * np.pi / STEP) ** 2},
+)
+STEPS = np.repeat([0.0, 12.0, 4.0, 10.0], 12)  # V, of 6 mN each: the mass rings by some 100 µm
+
+
+@pytest.mark.parametrize("effect", [SensorJump(change=1e-4, at=0.395), Delay(time=0.013).placed("reading")])
+def test_an_effect_that_depends_on_the_samples_is_no_error(
+    experiment, effect: Effect, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The jump of a reading lasts a part of a sample, and a late reading is stored a sample at a time."""
+    held = experiment(STEPS)
+    needed = resolved(PUSHED, [held]).stages
+    assert needed > PUSHED.stages
+    assert resolved(PUSHED.with_effects(effect), [held]).stages == needed
+    assert not caplog.records
+
+
+def test_a_start_by_steps_is_no_error(experiment, caplog: pytest.LogCaptureFixture) -> None:
+    """A ramp is held over each sample, and the mass still rings from it when the recording begins."""
+
+    class Ramped(Pushed):
+        @property
+        def start(self) -> StartProcedure:
+            return StartProcedure(ramp=0.1)
+
+    held = experiment(10.0 + STEPS)
+    assert resolved(PUSHED.with_rig(Ramped(noise=1e-7)), [held]).stages == resolved(PUSHED, [held]).stages
+    assert not caplog.records
+
+
+def test_a_recording_may_begin_a_little_off_the_clock(experiment) -> None:
+    first = experiment(STEPS).recordings[0]
+    both = Experiment(recordings=(first, replace(first, start=first.end + 10.008 * STEP)))
+    assert resolved(PUSHED, [both]).stages > PUSHED.stages
+
+
+def test_a_part_without_inertia_changes_no_mode(oscillator) -> None:
+    class Doubled(oscillator):
+        @property
+        def parameters(self) -> tuple[Parameter, ...]:
+            return (*super().parameters, Parameter(name="inertia", value=0.0, unit="s", lower=0.0, upper=1.0))
+
+        def write(self, build: Builder) -> Any:
+            position = super().write(build)
+            doubled = build.state("doubled", scale=1e-2)
+            build.rate(doubled, 2 * position - doubled, mass=build.parameter("inertia"))
+            return doubled
+
+    alone = ringing(oscillator, 0.8 * 2 * np.pi / STEP)
+    assert mode_error(Plant(rig=Doubled(), values=alone.values)) == pytest.approx(mode_error(alone), rel=1e-6)
+
+
+def test_more_steps_per_sample_follow_faster_modes(oscillator) -> None:
+    """A mode at eight times the sampling rate turns by half a revolution in each of sixteen steps."""
+    plant = Plant(rig=oscillator(sample_time=10 * STEP), values={"stiffness": (0.8 * 2 * np.pi / STEP) ** 2})
+    errors = [mode_error(plant, steps) for steps in (1, 16, 32)]
+    assert errors[0] > 0.5
+    assert errors[1] < 0.1
+    assert errors[2] < errors[1] / 2**8  # The order of five stages is nine.
+
+
 def test_what_no_number_of_stages_follows_is_told(oscillator, experiment, caplog: pytest.LogCaptureFixture) -> None:
     """The motion of a step, 60 N on 9e4 N/m, rings for many samples, at ten times their rate: 0.67 mm."""
     plant = Plant(rig=oscillator(sample_time=10 * STEP), values={"stiffness": 9e4})
@@ -77,3 +144,26 @@ def test_what_no_number_of_stages_follows_is_told(oscillator, experiment, caplog
     told = re.search("the position is simulated with an error of up to ([0-9.]+) µm", caplog.text)
     assert told is not None
     assert 100.0 < float(told[1]) < 2 * 667.0
+
+
+def test_more_stages_that_do_not_suffice_are_used_where_they_help(
+    oscillator, experiment, caplog: pytest.LogCaptureFixture
+) -> None:
+    """At twice the sampling rate; the motion of a step, 60 N on 4e3 N/m, is 15 mm, and the noise a nanometre."""
+    frequency, slow = 0.2 * 2 * np.pi / STEP, 10 * STEP
+    rig = oscillator(sample_time=slow, noise=1e-9)
+    plant = Plant(rig=rig, values={"damping": 8.0, "stiffness": frequency**2 + 4.0**2})
+    commands = np.repeat([0.0, 60.0], 10)
+    with caplog.at_level(logging.WARNING):
+        used = resolved(plant, [experiment(commands, sample_time=slow)])
+    away, factor = -60.0 / (frequency**2 + 16.0), np.exp((-4.0 + 1j * frequency) * slow)
+    after = 1.0 + 4.0 / (1j * frequency)  # of an oscillation from rest, its complex amplitude
+    truth = -away + away * np.real(after * factor ** np.arange(1, 11))
+    errors = [
+        np.abs(one.simulate(experiment(commands, sample_time=slow)).outputs[0][0][10:] - truth).max()
+        for one in (plant, used)
+    ]
+    assert errors[1] < 0.1 * errors[0]
+    told = re.search("with an error of up to ([0-9.]+) nm", caplog.text)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(1e9 * errors[1], rel=0.05)

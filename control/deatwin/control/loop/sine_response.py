@@ -32,7 +32,7 @@ _FEWEST = 40  # Least number of samples before the measurement, and in it
 _DECAY = 1e-4
 """Share of its amplitude to which each mode of the linearised plant that oscillates decays before the measurement. A mode
 that does not oscillate leaves a drift, which is fitted beside the sine."""
-_LONGEST = 20_000  # Largest number of samples of waiting, because a mode may have hardly any damping
+_LONGEST = 4_000  # Largest number of samples of waiting, because a mode may have hardly any damping
 _PIECE = 20_000  # Number of samples held in memory at a time
 
 

@@ -29,6 +29,7 @@ _NAMED = re.compile(  # March 4, 2024 12:00:00, or as C writes it, Mon Mar  4 12
 _ONE_NUMBER = re.compile(r"(\d\d)(\d\d)(\d\d)(?:[.,](\d+))?")
 _DURATION = re.compile(r"(?:(?:(\d+) days?,? +)?(\d+):)?(\d{1,3}):(\d\d)(?:[.,](\d+))?")
 _DAY, _HOUR = Decimal(86400), Decimal(3600)
+_PAUSE, _STEPS = Decimal(10), 5  # Longest step past an hour, s or in steps before it, that is no new start of the clock
 
 
 def is_date(cell: str) -> bool:
@@ -124,14 +125,15 @@ def _hour(time: re.Match[str]) -> int:
 def day_seconds(cells: Iterable[str]) -> list[Decimal]:
     """Return times of day, or elapsed ones, as seconds that go on past midnight, where they fall by half a day.
 
-    Minutes without hours, as in 59:59.9, go on past the hour.
+    Minutes without hours, as in 59:59.9, go on past the hour, if that makes no pause: they may also start again.
     """
     found: list[Decimal] = []
     passed = Decimal(0)
     for cell in cells:
         seconds, period = _of_day(cell.strip())
         if found and seconds + passed < found[-1] - period / 2 and seconds < period:
-            passed += period
+            pause, usual = seconds + passed + period - found[-1], found[-1] - found[max(len(found) - 2, 0)]
+            passed += period if period == _DAY or pause <= max(_PAUSE, _STEPS * usual) else 0
         found.append(seconds + passed)
     return found
 

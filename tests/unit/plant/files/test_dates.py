@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from deatwin.plant import DataError, Recording
-from deatwin.plant.files import read_experiment, read_recording
+from deatwin.plant.files import read_experiment, read_recording, read_recordings
 from deatwin.plant.files.dates import is_clock, is_date, moment
 
 STEP = 0.25
@@ -268,6 +268,14 @@ def test_minutes_and_seconds_go_on_past_the_hour(tmp_path: Path) -> None:
     """As a spreadsheet writes times with decimals: without the hour."""
     recording = read_recording(written(tmp_path, stamps("%M:%S,~")))
     assert the_clock(recording) == (pytest.approx(STEP), pytest.approx(39 * STEP))
+
+
+def test_minutes_and_seconds_that_start_again_are_no_pause(tmp_path: Path) -> None:
+    """A logger that is started again after 40 minutes did not wait for the hour to end."""
+    times = [*(2400.0 + STEP * k for k in range(20)), *(STEP * k for k in range(20))]
+    path = written(tmp_path, [f"{int(t // 60):02}:{t % 60:05.2f}" for t in times], mark=",")
+    with pytest.raises(DataError, match="the clock starts again: give each run its own file"):
+        read_recordings(path, allow_gaps=True)
 
 
 def test_elapsed_minutes_may_exceed_an_hour(tmp_path: Path) -> None:

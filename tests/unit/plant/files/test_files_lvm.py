@@ -105,6 +105,16 @@ def test_channels_that_were_started_apart(write, x: str) -> None:
         read_recording(write(f"{before}12:00:02.0000000000000000000{after}"), **ASKED)
 
 
+@pytest.mark.parametrize(("date", "time"), [("1904/01/01", "00:00:00.0"), ("", ""), ("unknown", "unknown")])
+def test_an_undated_channel_tells_nothing(write, date: str, time: str) -> None:
+    before, _, after = lvm().rpartition("2024/05/01")
+    before, after = f"{before}{date}", after.partition("Y_Unit_Label")
+    dated, _, rest = after[0].rpartition("12:00:00.0000000000000000000")
+    found = read_recording(write(f"{before}{dated}{time}{rest}Y_Unit_Label{after[2]}"), **ASKED)
+    check(found)
+    assert found.provenance["clock_began"] == "2024-05-01T12:00:00"
+
+
 def test_place_of_a_fault(write) -> None:
     with pytest.raises(DataError, match=r'row 29, column "Laser": "off" is not a number'):
         read_recording(write(lvm().replace("0.500\tsaid", "off\tsaid")), **ASKED)

@@ -144,3 +144,16 @@ def test_channels_that_were_started_apart(path: Path) -> None:
             check(read_recording(path))
     undated = {**WAVEFORM, "wf_start_time": np.datetime64("1904-01-01T00:00:00.000000")}
     check(read_recording(save(path, (*first[:3], {**WAVEFORM, "wf_start_time": began}), (*second[:3], undated))))
+
+
+def test_a_date_counts_only_where_its_channel_is_used(path: Path) -> None:
+    """A run that was recorded before into the same file, or a channel dated 1970, does not shift the clock of a run."""
+    runs = [
+        (f"run{k}", *channel[1:3], {**WAVEFORM, "wf_start_time": np.datetime64(date, "us")})
+        for k, date in enumerate(("2024-05-01T12:00:00", "2024-05-01T13:00:00.013"))
+        for channel in pair(WAVEFORM)
+    ]
+    old = ("rig", "calibration", COMMAND, {**WAVEFORM, "wf_start_time": np.datetime64("1970-01-01", "us")})
+    save(path, *runs, old)
+    for k in range(2):
+        check(read_recording(path, input_column=f"run{k}/command_V", output_column=f"run{k}/displacement_mm"))

@@ -191,7 +191,8 @@ def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibrat
             again = _continued(again, problem, hopeless)
         found = _better(found, again)
     if found.status.ok and not found.given_up:
-        moved = where_it_acts(found, problem.fitted, trial.without.names)
+        guessed = {p.name for p in trial.start.parameters.values() if p.guessed}
+        moved = where_it_acts(found, problem.fitted, guessed)
         found = found if moved is found.plant else _better(found, roughly(moved, problem.fitted, hopeless))
     if found.status.ok and not found.given_up and found.foreseen > FAILED_SEARCH * trial.without.rms:
         found = _better(found, roughly(with_little(trial.start, trial.without), problem.fitted, hopeless))

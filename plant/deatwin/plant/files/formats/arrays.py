@@ -34,6 +34,7 @@ class ArrayTable(Table):
 
     columns: tuple[NDArray[np.generic], ...]
     timings: tuple[Timing | None, ...] = ()
+    dates: tuple[np.datetime64 | None, ...] = ()  # Dates of the columns' first samples, apart from `Timing.start`
     places: Mapping[str, str] = field(default_factory=dict)  # Headers of columns by their places in the file
 
     def row(self, sample: int) -> int:
@@ -52,15 +53,29 @@ class ArrayTable(Table):
         """Return the clock that the file states for some columns; None if it states none."""
         if not self.timings:
             return super().timing(columns)
-        first = self.timings[columns[0]]
-        for column in columns:
-            if self.timings[column] != first:
+        clocks = self._clocks(columns)
+        first = clocks[0]
+        for column, clock in zip(columns, clocks, strict=True):
+            if clock != first:
                 raise DataError(
                     f'{self.path}: "{self.shown(columns[0])}" and "{self.shown(column)}" have different '
-                    f"clocks ({_said(first)}; {_said(self.timings[column])}); the channels of a recording "
+                    f"clocks ({_said(first)}; {_said(clock)}); the channels of a recording "
                     "must have the same clock"
                 )
         return first or super().timing(columns)
+
+    def _clocks(self, columns: Sequence[int]) -> list[Timing | None]:
+        """Return the clocks of some columns, from the earliest of their dates."""
+        clocks = [self.timings[column] for column in columns]
+        dates = [self.dates[column] if self.dates else None for column in columns]
+        earliest = min((date for date in dates if date is not None), default=None)
+        # Dates less than half a sample apart are those of channels that were started one after another.
+        return [
+            clock
+            if clock is None or date is None or earliest is None
+            else clock.later(float((date - earliest) / np.timedelta64(1, "s")))
+            for clock, date in zip(clocks, dates, strict=True)
+        ]
 
     def beside(self, column: int, others: Collection[int]) -> bool:
         """Return whether a column has as many samples as one of the others, if there are any."""

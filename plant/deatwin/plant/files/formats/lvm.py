@@ -8,6 +8,7 @@ and ``Delta_X``, and a line of names. ``X_Columns`` says if x values are left ou
 
 import hashlib
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -28,6 +29,7 @@ from deatwin.plant.safe_read import COLUMNS, ROWS, TEXT_BYTES, clipped
 _MAGIC, _END = "LabVIEW Measurement", "***End_of_Header***"
 _SPECIAL, _SPECIAL_END = "***Start_Special***", "***End_Special***"
 _ABSOLUTE = 1e9  # Size above which x values are absolute times, s since 1904
+_UNDATED = 1904  # Year that LabVIEW writes for no date
 _SEPARATORS = {"Tab": "\t", "Comma": ","}
 
 
@@ -202,17 +204,18 @@ def _began(segment: _Segment) -> dict[str, str]:
 
 
 def _dates(segment: _Segment) -> list[datetime]:
-    """Return the dates of the channels' first samples; none if the header has none, or one that cannot be read."""
+    """Return the dates of the channels' first samples, without those that LabVIEW writes for none or none can read."""
     pairs = zip(*(segment.header.get(tag, []) for tag in ("Date", "Time")), strict=False)
-    try:
-        return [moment(f"{date} {time}") for date, time in pairs if date and time]
-    except ValueError:
-        return []
+    found = []
+    for date, time in (pair for pair in pairs if all(pair)):
+        with suppress(ValueError):
+            found.append(moment(f"{date} {time}"))
+    return [date for date in found if date.year > _UNDATED]
 
 
 def _require_one_start(segment: _Segment, path: str) -> None:
     """Raise an error if channels were started more than half a sample apart: their x values are relative."""
-    dates, step = _dates(segment), segment.number("Delta_X", 0) or 0.0
+    dates, step = _dates(segment), segment.number("Delta_X", 0) or np.inf
     if dates and (apart := (max(dates) - min(dates)).total_seconds()) > 0.5 * step:
         raise DataError(
             f"{path}, row {segment.rows[0]}: the channels below begin up to {apart:g} s apart (Date, Time); save each in a "

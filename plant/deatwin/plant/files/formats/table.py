@@ -47,6 +47,10 @@ class Timing:
         if not (np.isfinite(self.sample_time) and self.sample_time > 0.0 and np.isfinite(self.start)):
             raise DataError(f"sample time {self.sample_time} s from {self.start} s: it must be positive and finite")
 
+    def later(self, seconds: float) -> "Timing":
+        """Return this clock started later, by whole samples."""
+        return replace(self, start=self.start + self.sample_time * round(seconds / self.sample_time))
+
     def agrees(self, sample_time: float) -> bool:
         """Return whether another sample time, s, means the same clock."""
         return abs(sample_time / self.sample_time - 1.0) < _SAME_CLOCK

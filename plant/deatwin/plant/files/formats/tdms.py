@@ -9,6 +9,7 @@ state the clock where no channel holds times, ``unit_string`` (or DAQmx's ``NI_U
 import hashlib
 import io
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -47,12 +48,11 @@ def read_tdms(path: str | Path) -> ArrayTable:
         file = nptdms.TdmsFile.read(io.BytesIO(content))
         found = [channel for group in file.groups() for channel in group.channels() if len(channel)]
         values = [_seconds(np.asarray(channel[:])) for channel in found]
-        earliest = min(filter(None, map(_started, found)), default=None)
-        timings = [_timing(channel, earliest, name) for channel in found]
+        timings, dates = [_timing(channel, name) for channel in found], tuple(map(_started, found))
         declared = _declared(file, found, name)
     common = Counter(channel.name for channel in found)
     headers = [c.name if common[c.name] == 1 else f"{c.group_name}/{c.name}" for c in found]
-    return array_table(
+    table = array_table(
         name,
         hashlib.sha256(content).hexdigest(),
         dict(zip(headers, values, strict=True)),
@@ -60,6 +60,7 @@ def read_tdms(path: str | Path) -> ArrayTable:
         declared=declared,
         timings=dict(zip(headers, timings, strict=True)),
     )
+    return replace(table, dates=dates)
 
 
 def write_tdms(path: str | Path, recording: Recording) -> None:
@@ -103,8 +104,8 @@ def _started(channel: Any) -> np.datetime64 | None:
     return np.datetime64(date) if date is not None and np.datetime64(date) > _UNDATED else None
 
 
-def _timing(channel: Any, earliest: np.datetime64 | None, path: str) -> Timing | None:
-    """Return the clock of a waveform, from the earliest date; None if the increment is 0, LabVIEW's default."""
+def _timing(channel: Any, path: str) -> Timing | None:
+    """Return the clock of a waveform; None if the increment is 0, LabVIEW's default."""
     increment = float(channel.properties.get("wf_increment", 0.0))
     start = float(channel.properties.get("wf_start_offset", 0.0))
     if not (0.0 < increment < np.inf and np.isfinite(start)):
@@ -117,9 +118,7 @@ def _timing(channel: Any, earliest: np.datetime64 | None, path: str) -> Timing |
             "recording needs times"
         )
     step, first = unit.to_si(np.array([increment, start])).tolist()
-    # Dates less than half a sample apart are those of channels that were started one after another.
-    late = 0.0 if (began := _started(channel)) is None else float((began - earliest) / np.timedelta64(1, "s"))
-    return Timing(sample_time=step, start=first + step * round(late / step))
+    return Timing(sample_time=step, start=first)
 
 
 def _unit(channel: Any, path: str) -> str:
