@@ -319,6 +319,7 @@ ERRORS = {"DataError", "RigError", "ModelError", "SimulationError", "ControlErro
 NOT_FROM_THE_COMMAND_LINE = {
     "assemble.py: dt is": "typer refuses --dt first",
     "checks.py: give a recording with the values in": "commands read files in the plant's units; test_survey.py makes it",
+    "checks.py: put the row of that reading first": "readers put the rig's first reading first; test_several_readings.py makes it",
     "checks.py: inputs, but the plant takes one": "commands read the rig's one input; plant/test_refusals.py makes it",
     "csvtable.py: it unpacks to more than": "a text of 1 GB; test_files_stored.py lowers the limit",
     "csvtable.py: cannot be read as numbers": "the last resort of a reader that knows no such cell",
