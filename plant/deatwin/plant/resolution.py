@@ -48,10 +48,12 @@ def stages_for(plant: Plant, experiments: Sequence[Experiment]) -> tuple[int, fl
     """Return how many stages the first reading needs, and 0; or the best number and its largest error, SI, if no number
     is large enough.
     """
-    if not plant.rig.equations_known or mode_error(plant) < SLOW:
+    if not plant.rig.equations_known:
         return plant.stages, 0.0
-    steps = FINER
-    while steps < FINEST and mode_error(plant, steps) > EXACT:
+    modes, steps = free_modes(plant), FINER
+    if mode_error(modes, plant.stages) < SLOW:
+        return plant.stages, 0.0
+    while steps < FINEST and mode_error(modes, plant.stages, steps) > EXACT:
         steps *= 2
     # A reading that comes late is stored over its sample as a polynomial with as many coefficients as there are stages.
     finest = replace(plant, stages=plant.stages + MORE) if plant.equations.shifts else plant
@@ -74,13 +76,13 @@ def stages_for(plant: Plant, experiments: Sequence[Experiment]) -> tuple[int, fl
     return kept, errors[kept]
 
 
-def mode_error(plant: Plant, steps: int = 1) -> float:
-    """Return the largest error of a free mode about rest after one sample, taken in a number of steps, relative to its
-    amplitude; 0 without rest.
+def mode_error(modes: np.ndarray, stages: int, steps: int = 1) -> float:
+    """Return the largest error of a free mode after one sample, taken in a number of steps, relative to its amplitude.
+
+    Shapes: `modes` (n,), from `free_modes`.
     """
-    butcher = radau(plant.stages)[1]
-    one, ones = np.eye(len(butcher)), np.ones(len(butcher))
-    modes = _modes(plant) * plant.rig.sample_time
+    butcher = radau(stages)[1]
+    one, ones = np.eye(stages), np.ones(stages)
     with np.errstate(over="ignore", invalid="ignore"):  # of a mode that runs away
         errors = [
             abs(np.linalg.solve(one - mode / steps * butcher, ones)[-1] ** steps - np.exp(mode)) for mode in modes
@@ -88,8 +90,8 @@ def mode_error(plant: Plant, steps: int = 1) -> float:
     return float(np.nan_to_num(np.max(errors, initial=0.0)))
 
 
-def _modes(plant: Plant) -> np.ndarray:
-    """Return the rates of the free modes about rest, 1/s; none without rest."""
+def free_modes(plant: Plant) -> np.ndarray:
+    """Return the rates of the free modes about rest, per sample, (n,); none without rest."""
     equations, command = plant.equations, plant.rig.start.rest_command
     try:
         rest = rest_state(equations, command, plant.free_values)
@@ -107,7 +109,7 @@ def _modes(plant: Plant) -> np.ndarray:
         inert[: mass.size] = mass.ravel() != 0.0  # a state without inertia follows at once, as a coordinate does
         follows = np.linalg.solve(matrix[np.ix_(~inert, ~inert)], matrix[np.ix_(~inert, inert)])
         rates = matrix[np.ix_(inert, inert)] - matrix[np.ix_(inert, ~inert)] @ follows
-        return np.linalg.eigvals(rates / mass[inert[: mass.size]].reshape(-1, 1))
+        return np.linalg.eigvals(rates / mass[inert[: mass.size]].reshape(-1, 1)) * plant.rig.sample_time
     except (RuntimeError, np.linalg.LinAlgError):
         return np.empty(0)
 

@@ -190,7 +190,7 @@ def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibrat
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
             again = _continued(again, problem, hopeless)
         found = _better(found, again)
-    if found.status.ok and not found.given_up:
+    if found.status.ok and not found.given_up:  # where a guess has no influence, no fit finds its way from it
         guessed = {p.name for p in trial.start.parameters.values() if p.guessed}
         moved = where_it_acts(found, problem.fitted, guessed)
         found = found if moved is found.plant else _better(found, roughly(moved, problem.fitted, hopeless))

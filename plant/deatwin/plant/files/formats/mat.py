@@ -1,11 +1,10 @@
 """MATLAB files: version 5 (and 4, 6, 7) by SciPy, 7.3 (HDF5 behind a user block of 512 bytes) and other HDF5 by h5py.
 
 Signals are numeric vectors named as CSV columns are, alone or as fields of structs, ``signals(2).values`` in an array of
-structs, columns of a matrix, ``data(:,2)``, or fields of a compound data set of HDF5. A text ``name`` or ``unit`` beside the only
-vector of a struct names that vector or its unit; a struct ``units`` (``units.command = 'V'``) and attributes of HDF5 name
-units, too. A scalar
-``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a file without times. Texts go
-into the provenance.
+structs, columns of a matrix, ``data(:,2)``, or fields of a compound data set of HDF5. A text ``name`` or ``unit`` beside
+the only vector of a struct names that vector or its unit; a struct ``units`` (``units.command = 'V'``) and attributes of
+HDF5 name units, too. A scalar ``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a
+file without times. Texts go into the provenance.
 """
 
 import hashlib
