@@ -71,6 +71,7 @@ class Places(Described):
     opened: tuple[OpenedPlace, ...] = field(metadata=table_along("opened"))
     # Probability that a residual independent of the signals is predicted as well at any place
     closure_p_value: float = field(metadata=attribute())
+    body: str = field(default="ball", metadata=attribute())  # name of the moving part on this rig
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "repeatable": attribute(),
@@ -98,7 +99,7 @@ class Places(Described):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the score of each signal, those that cannot be distinguished from the best one filled."""
         ax = axes_or_new(ax)
-        names = [f"{o.place}: {spaced(o.signal)}" for o in self.opened]
+        names = [f"{self.body if o.place == Place.BALL.value else o.place}: {spaced(o.signal)}" for o in self.opened]
         best = [o.among_best and self.repeatable for o in self.opened]
         for mask, style, label in (
             (best, {"color": "C0"}, "not distinguished from the best"),
@@ -149,7 +150,9 @@ def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Gene
     ]
     comparable = found if plant.rig.equations_known else []  # a single place cannot be called the best
     return Places(
-        opened=tuple(sorted(comparable, key=lambda o: -o.explained)), closure_p_value=closure_p_value(problems, rng)
+        opened=tuple(sorted(comparable, key=lambda o: -o.explained)),
+        closure_p_value=closure_p_value(problems, rng),
+        body=plant.rig.body,
     )
 
 

@@ -77,6 +77,14 @@ def test_a_prediction_is_the_same_share_of_the_mismatch_in_the_summary_and_in_th
     assert bar.get_width() == found.summary[0].explained == 0.99
 
 
+def test_the_figure_calls_the_moving_part_as_the_rig_does():
+    opened = OpenedPlace(
+        place="ball", signal="velocity", gain=4.0, p_value=0.01, explained=0.6, score=0.7, among_best=True
+    )
+    ax = Places(opened=(opened,), closure_p_value=0.01, body="moving part").plot()
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["moving part: velocity"]
+
+
 @pytest.mark.study
 def test_how_often_the_place_is_among_the_best():
     effects = [*CONCEALED.items(), ("ball", weaker(CoulombFriction()))]
