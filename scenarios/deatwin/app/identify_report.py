@@ -240,7 +240,7 @@ def _tests(validation: Validation) -> Drawing:
         caption = (
             "Correlations of the one-step residual e with itself and with the input u. Ochre marks values outside the grey range; "
             "noise alone stays in this range at 95 % of the lags. A test judges all lags together, and may therefore pass although "
-            "some values lie outside."
+            "some values lie outside the grey range."
         )
         return Drawing.of(figure, "tests", "Residual tests", caption, drawn_table(figure))
 
@@ -252,7 +252,7 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
         rows.append(
             Measure(
                 f"{found.judged} on the held-out part of {label(part)}",
-                f"below {found.amount(moved)} rms, the error of a model with constant output",
+                f"below {found.amount(moved)} rms (the error of a model with constant output)",
                 f"{found.amount(run.rms_error)} rms{'' if run.status.ok else ' until it diverged'}",
                 run.status.ok and run.rms_error < moved,
             )

@@ -97,8 +97,8 @@ def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_
     page = page_of(replace(with_everything(), location=located), tmp_path)
     cells = [re.sub("<[^>]*>", "", cell) for cell in re.findall("<td.*?</td>", page)]
     rows = dict(pairwise(cells))
-    assert rows["film: permittivity"] == "0 % explained by any effect, 66 % predicted from signals"
-    assert (rows["ball"], rows["sensor"]) == ("50 % predicted from signals", "30 % explained by an effect")
+    assert rows["film: permittivity"] == "0 % explained by any effect, 66 % predicted by the signals there"
+    assert (rows["ball"], rows["sensor"]) == ("50 % predicted by the signals there", "30 % explained by an effect")
     assert unescape(rows["drive"]) == "20 % explained by drift of the amplifier's gain alone"
     assert [c for c in cells if c in ("film: permittivity", "ball", "sensor")] == [
         "film: permittivity",
@@ -345,7 +345,7 @@ def test_the_page_shows_every_step_in_order(whole: str) -> None:
         "not tested: it hardly differs",
         "-126 ± 8 %",
         "not determined",
-        "0 to 49.99 s after the command was last constant",
+        "0 to 49.99 s after the start of the recording or the last rest of the command",
         "displacement rate from -332 to 326 µm/s",
         "<td>falling reading</td>",
         "The strength of creep is not constant: in a fit that lets it vary, it changes by -126 % over the fitted data",
@@ -387,18 +387,18 @@ EXPLANATIONS = {
     [
         (
             Verdict.NONE,
-            "the error beyond sensor noise is 0.340 µm rms (all tests of the residual together: p = 0.230), and errors "
-            "below 1.19 µm rms do not count as a mismatch.",
+            "the error beyond sensor noise is 0.340 µm rms (p = 0.230 for all tests of the residual together; a mismatch "
+            "would need p < 0.01), and errors below 1.19 µm rms do not count as a mismatch.",
         ),
         (
             Verdict.PARAMETERS,
-            "the error beyond sensor noise is 0.340 µm rms (all tests of the residual together: p = 0.230), and errors "
-            "below 1.19 µm rms do not count as a mismatch.",
+            "the error beyond sensor noise is 0.340 µm rms (p = 0.230 for all tests of the residual together; a mismatch "
+            "would need p < 0.01), and errors below 1.19 µm rms do not count as a mismatch.",
         ),
         (
             Verdict.UNKNOWN,
             "the error beyond sensor noise is 0.340 µm rms, and errors below 1.19 µm rms do not count as a mismatch; no single effect or "
-            "signal accounts for more than 34 % of the mismatch.",
+            "signal accounts for more than 34 % of the mismatch (at the film).",
         ),
         (
             Verdict.DISTURBANCE,

@@ -8,9 +8,10 @@ from deatwin.ident.mismatch.conclude import MARGIN
 from deatwin.ident.mismatch.detect.law import LEVEL
 from deatwin.ident.mismatch.detect.origin import FOREIGN, UNPREDICTED
 from deatwin.ident.mismatch.diagnosis import Diagnosis
+from deatwin.ident.mismatch.located import PlaceSummary
 from deatwin.ident.mismatch.quality.quality import FAULTY_SHARE, FEWEST_FAULTY
 from deatwin.ident.mismatch.result import LEAST_TOLD
-from deatwin.ident.mismatch.say import called, headline, number
+from deatwin.ident.mismatch.say import at_body, called, headline, likely_places, number
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.plant.amplitudes import amount, written_unit
@@ -54,6 +55,8 @@ def next_step(diagnosis: Diagnosis) -> str:
         One sentence without initial capital and full stop.
     """
     advised = diagnosis.advice
+    if diagnosis.verdict is Verdict.UNKNOWN and (places := likely_places(diagnosis)):
+        return f"check the readings for a fault at the times of the mismatch; if there is none, add an effect of your own {places}"
     if diagnosis.verdict is not Verdict.AMBIGUOUS:
         return diagnosis.verdict.advice
     if advised is not None and advised.file is not None:
@@ -118,18 +121,26 @@ def _clean(diagnosis: Diagnosis) -> str:
         return f"after the fit to all recordings, the error beyond sensor noise is {small}"
     chance = f"p = {number(found.p_value)}"
     if found.practical is not None and found.excess < found.practical:
-        return _beyond_noise(diagnosis, f" (all tests of the residual together: {chance})")
+        small = f" ({chance} for all tests of the residual together; a mismatch would need p < {LEVEL:g})"
+        return _beyond_noise(diagnosis, small)
     beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
     return f"{beyond}, but it may be due to chance ({chance}; an error of this size counts only if p < {LEVEL:g})"
 
 
 def _unknown(diagnosis: Diagnosis) -> str:
     located = diagnosis.location.place if diagnosis.location else ()
-    best = max((max(place.score, place.explained or 0.0) for place in located), default=None)
+    best = max(located, key=_accounted, default=None)
     effect = ""
     if best is not None:
-        effect = f"no single effect or signal accounts for more than {100 * best:.0f} % of the mismatch"
+        where = at_body(" ".join(filter(None, (best.signal, "at the", best.place))), diagnosis)
+        by = best.effect if best.effect and best.score >= (best.explained or 0.0) else where
+        effect = f"no single effect or signal accounts for more than {100 * _accounted(best):.0f} % of the mismatch ({spaced(by)})"
     return "; ".join(filter(None, [_beyond_noise(diagnosis), effect]))
+
+
+def _accounted(place: PlaceSummary) -> float:
+    """Return the larger of the shares that the best effect at a place explains and that its signals predict."""
+    return max(place.score, place.explained or 0.0)
 
 
 def _disturbance(diagnosis: Diagnosis) -> str:

@@ -76,7 +76,7 @@ def say(diagnosis: Diagnosis) -> str:
 
 
 def _none(diagnosis: Diagnosis) -> list[str]:
-    return ["the recordings show nothing that the model lacks", _left(_of_first(diagnosis)), _accounted(diagnosis)]
+    return ["the recordings show no missing physics", _left(_of_first(diagnosis)), _accounted(diagnosis)]
 
 
 def _parameters(diagnosis: Diagnosis) -> list[str]:
@@ -252,7 +252,7 @@ def _in(region: Region, diagnosis: Diagnosis) -> str:
     span, signal = " to ".join(number(end) for end in ends(region)), spaced(region.signal)
     article = "an" if signal[:1].lower() in "aeio" else "a"
     return (
-        f"from {span} s after the command was last constant"
+        f"from {span} s after the start of the recording or the last rest of the command"
         if region.signal == SINCE_REST
         else f"at {article} {signal} from {span} {unit_of(region.signal, diagnosis)}".rstrip()
     )
@@ -277,25 +277,35 @@ def _where(diagnosis: Diagnosis) -> list[str]:
     found = diagnosis.location
     if found is None:
         return []
-    band = next((b for b in found.frequency if b.power > HALF * sum(one.power for one in found.frequency)), None)
     region = max(found.region, key=lambda one: abs(one.mean_residual), default=None)
+    places = likely_places(diagnosis)
+    return [
+        _when(found, diagnosis),
+        _how_fast(found),
+        ""
+        if region is None
+        else f"the mean residual is largest in magnitude, {_size(region.mean_residual, diagnosis)}, {_in(region, diagnosis)}",
+        f"if the readings are sound, first look for the cause {places}, because the signals there predict the mismatch best"
+        if places
+        else "",
+    ]
+
+
+def likely_places(diagnosis: Diagnosis) -> str:
+    """Return the places whose signals predict most of the mismatch, as ``at the film or the ball``; empty if none do."""
     best: dict[str, list[str]] = {}
-    for place in found.place:
+    for place in diagnosis.location.place if diagnosis.location else ():
         if place.among_best and (place.explained or 0.0) > HALF:
             signals = best.setdefault(at_body(spaced(place.place), diagnosis), [])
             signals += [spaced(place.signal)] if place.signal else []
     places = [f"{place} ({', '.join(signals)})" if signals else place for place, signals in best.items()]
-    return [
-        _when(found, diagnosis),
-        "" if band is None else f"most of the power of the mismatch is {_at(band)}",
-        ""
-        if region is None
-        else f"the mean residual is largest in magnitude, {_size(region.mean_residual, diagnosis)}, {_in(region, diagnosis)}",
-        f"if the readings are sound, first look for the cause at the {' or the '.join(places)}, because the signals there "
-        "predict the mismatch best"
-        if places
-        else "",
-    ]
+    return f"at the {' or the '.join(places)}" if places else ""
+
+
+def _how_fast(found: LocationSummary) -> str:
+    """Return the range of frequencies that holds most of the mismatch's power; empty if none does."""
+    band = next((b for b in found.frequency if b.power > HALF * sum(one.power for one in found.frequency)), None)
+    return "" if band is None else f"most of the power of the mismatch is {_at(band)}"
 
 
 def _when(found: LocationSummary, diagnosis: Diagnosis) -> str:
@@ -337,6 +347,7 @@ def _disturbance(diagnosis: Diagnosis) -> list[str]:
         if repeated
         else f"a regression on command and motion predicts {_part(origin.share)} the mismatch in data to which it was not "
         "fitted",
+        "" if diagnosis.location is None else _how_fast(diagnosis.location),
     ]
 
 
@@ -477,7 +488,7 @@ def _part(share: float) -> str:
 def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
     """Write an effect in its own words, which a user's effect also brings along."""
     text = at_body(_effect(cause, diagnosis).wording, diagnosis).format(
-        **{n: _with_interval(_in_percent(n, p)) for n, p in cause.parameters.items()}
+        **{n: _with_interval(in_percent(n, p)) for n, p in cause.parameters.items()}
     )
     others = [f"the {at_body(spaced(place), diagnosis)}" for place in (cause.places or ())[1:]]
     elsewhere = f" (or at {' or '.join(others)}: these recordings cannot decide)" if others else ""
@@ -495,7 +506,7 @@ def _effect(cause: Cause, diagnosis: Diagnosis) -> Effect:
     return next((e for e in own if e.cause == cause.effect), None) or effect_named(cause.effect)
 
 
-def _in_percent(name: str, parameter: Interval) -> Interval:
+def in_percent(name: str, parameter: Interval) -> Interval:
     """Return a relative change, such as relative_loss, in per cent; any other parameter unchanged."""
     if parameter.unit != "1" or not name.startswith("relative_"):
         return parameter
@@ -528,7 +539,7 @@ def _next(diagnosis: Diagnosis) -> list[str]:
     load = "" if mass is None else f" with {number(mass)} g added to the load"
     return [
         f"recording the response to the {number(advised.seconds)} s of input in {advised.file}{load} would lower the "
-        f"probability of choosing a wrong explanation from {before} to {after} %",
+        f"probability that a wrong explanation fits better than the true one from {before} to {after} %",
         f"also measure {advised.measure}, because the input in {advised.file} cannot distinguish all explanations"
         if advised.undecided
         else "",

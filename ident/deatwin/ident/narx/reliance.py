@@ -96,7 +96,7 @@ class Reliance:
             names = f" ({', '.join(self.failed)}, where e is the residual and u the input)" if count else ""
             found.append(
                 f"the model failed {tests} on held-out data{names}: its residual {_MEANING[self.status]}, and the uncertainty "
-                "bands do not include this error"
+                "of its parameters does not include this error"
             )
         if self.biased and self.gain_error is not None and self.gain_error_half_width is not None:
             way = "larger" if self.gain_error > 0 else "smaller"

@@ -7,7 +7,7 @@ from typing import Any
 
 from deatwin.ident.mismatch import Diagnosis, LocationSummary
 from deatwin.ident.mismatch.certainty import HARDLY, how_sure, next_step, percent
-from deatwin.ident.mismatch.say import at_body, called, or_listed, ranked, unit_of
+from deatwin.ident.mismatch.say import at_body, called, in_percent, or_listed, ranked, unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.plant.effects.titles import effects_in_words
 from deatwin.plant.words import spaced
@@ -79,7 +79,8 @@ def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Return the rows of the table of causes, one for each parameter."""
     rows = []
     for cause in diagnosis.causes:
-        values = {n: with_interval(p.value, p.low, p.high, p.unit) for n, p in cause.parameters.items()}
+        shown = {n: in_percent(n, p) for n, p in cause.parameters.items()}
+        values = {n: with_interval(p.value, p.low, p.high, p.unit) for n, p in shown.items()}
         rows.append({"cause": cause, "parameters": values, "rows": max(1, len(values))})
     return rows
 
@@ -104,7 +105,7 @@ def _places(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
     for place in places:
         name = at_body(spaced(": ".join(filter(None, (place.place, place.signal)))), diagnosis)
         name = "a parameter of the model" if name == "parameter" else name
-        shares = {"predicted from signals": place.explained}
+        shares = {"predicted by the signals there": place.explained}
         if place.explained is None or place.effect is not None:
             one = f"{effects_in_words(place.effect)} alone" if place.effect else "an effect"
             best = "any effect" if place.score < HARDLY else one

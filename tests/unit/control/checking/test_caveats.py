@@ -26,7 +26,8 @@ def test_failed_tests_and_bias_stand_in_the_sentence_and_come_back_from_the_file
     assert found.verdict is passed.verdict and "residual test" not in passed.sentence
     assert (
         "The model failed one residual test on held-out data (ue, where e is the residual and u the input): its residual "
-        "still depends on the input, and the uncertainty bands do not include this error." in found.sentence
+        "still depends on the input, and the uncertainty of its parameters does not include this error."
+        in found.sentence
     )
     assert (
         "The model is biased: on held-out data, the measured gain is 12 ± 3 % (95 % interval) larger" in found.sentence
