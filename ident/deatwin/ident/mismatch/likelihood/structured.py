@@ -127,6 +127,17 @@ def limited(
     return _counted([idct(piece, norm="ortho") for piece in kept], grids) / level
 
 
+def begun(change: np.ndarray, does: np.ndarray, records: np.ndarray, level: np.ndarray | float = 1.0) -> np.ndarray:
+    """Limit a change, (n,), at each time to the most that an effect, (n,), has done by then in the same recording.
+
+    Both are over the noise's relative `level`, (n,). `records`, (n,), numbers the recordings, each of which begins anew.
+    """
+    # An effect that has not begun cannot err, whatever its law: an event does nothing before its time.
+    pieces = np.split(np.abs(does * level), 1 + np.flatnonzero(np.diff(records)))
+    most = np.concatenate([np.maximum.accumulate(piece) for piece in pieces])
+    return np.asarray(np.clip(change * level, -most, most) / level)
+
+
 _Grids = list[tuple[np.ndarray, np.ndarray]]
 """Times of the samples of each recording, and equally spaced times from its first to its last sample."""
 

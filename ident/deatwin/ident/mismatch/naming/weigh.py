@@ -9,7 +9,7 @@ effect could cause and the rest. Let :math:`c` be the contribution of the single
           + B \beta + g + e, \qquad \lambda_k \sim N(0, 1)
 
 Another law of a slow effect is slow, too. So in each octave of frequency, the second part is at most what c has there
-and above.
+and above. Nor does an effect err before it acts. So at each time, the second part is at most what c has been by then.
 
 A difference larger than such errors is a second effect. Of all pairs that were fitted, that one gives :math:`\delta`
 whose error helps the single effect most, since each pair is compared with the same single effect: what a second effect
@@ -211,6 +211,7 @@ class Scale:
         # What is slow in one reading may be fast in another, so each reading has its own limits.
         for one, at in zip(self.error.of, self.error.at, strict=True):
             error[at] = structured.limited(error[at], does[at], one.times, one.records, one.level)
+            error[at] = structured.begun(error[at], does[at], one.records, one.level)
         return error
 
     def _missed(self, alone: Candidate) -> tuple[float, float]:

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
-from deatwin.ident.mismatch.likelihood.structured import FILTERS, bends, known, law, limited, slope, slow
+from deatwin.ident.mismatch.likelihood.structured import FILTERS, begun, bends, known, law, limited, slope, slow
 
 TIMES = 0.02 * np.arange(3000)
 MOTION = 1e-4 * np.sin(0.7 * TIMES) + 3e-5 * np.sin(3.1 * TIMES + 1.0)
@@ -114,6 +114,16 @@ def test_a_change_is_limited_where_the_effect_does_less():
     np.testing.assert_allclose(limited(slow + fast, slow + 0.2 * fast, *some), slow + 0.2 * fast, atol=1e-12)
     np.testing.assert_allclose(limited(slow, fast, *some), slow, atol=1e-12)  # a square, say, has slow parts
     np.testing.assert_allclose(limited(np.full(3000, 2.0), slow, *some), 2.0, atol=1e-12)  # constants are kept
+
+
+def test_an_effect_does_not_err_before_it_acts():
+    """Nothing before its time, its size afterwards even where it passes zero, and each recording begins anew."""
+    does, records = np.array([0.0, 0.0, 3.0, -1.0, 0.0, 0.0, 2.0]), np.array([0, 0, 0, 0, 0, 1, 1])
+    level = np.array([1.0, 2.0, 1.0, 2.0, 1.0, 1.0, 4.0])
+    change = np.array([5.0, -5.0, 5.0, -5.0, 2.0, 5.0, 1.0])
+    expected = np.array([0.0, 0.0, 3.0, -3.0, 2.0, 0.0, 1.0])
+    np.testing.assert_array_equal(begun(change, does, records), expected)
+    np.testing.assert_array_equal(begun(change / level, does / level, records, level) * level, expected)
 
 
 def test_missing_samples_and_noise_that_varies_do_not_free_a_law():

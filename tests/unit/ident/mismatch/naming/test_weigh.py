@@ -10,6 +10,7 @@ from scipy.special import logsumexp
 from scipy.stats import cauchy, norm
 
 from deatwin.ident.mismatch.likelihood.beforehand import AMPLITUDE, FAST, TIMING, pair_odds
+from deatwin.ident.mismatch.likelihood.structured import law
 from deatwin.ident.mismatch.naming.decide import STRONG
 from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.naming.weigh import OTHER, Scale
@@ -21,8 +22,9 @@ MOTION = 2e-4 * np.sin(2.0 * np.pi * TIMES)
 EFFECTS = tuple(effect_named(name) for name in ("creep", "sensor_drift", "delay"))
 FIRST, SECOND = EFFECTS[:2]
 CREPT = 2e-5 * np.exp(-((TIMES - 10.0) ** 2))  # what the first effect does at its typical strength
-EARLIER = np.exp(-((TIMES - 5.0) ** 2))  # as slow, but nothing that another law of the first would do
-EARLIER = EARLIER / np.sqrt(np.mean(EARLIER**2))
+LATER = np.exp(-((TIMES - 15.0) ** 2))  # as slow, but nothing that another law of the first would do
+LATER -= (laws := law(CREPT, TIMES, np.zeros(TIMES.size))) @ (laws.T @ LATER)
+LATER /= np.sqrt(np.mean(LATER**2))
 SIZE = np.sqrt(np.mean(CREPT**2))
 FAST_TONE = np.sqrt(2.0) * np.sin(2.0 * np.pi * 9.0 * TIMES)  # faster than anything that the first one does
 
@@ -77,7 +79,7 @@ def fitted(left, *effects):
 def odds(scale, missed, rng):
     """Of the two over the first one, which is there and misses so much along the second, in its own rms."""
     left = NOISE * rng.standard_normal(TIMES.size)
-    along = SIZE * EARLIER
+    along = SIZE * LATER
     alone = fitted(left + missed * along, (FIRST, CREPT))
     return scale.of_two(fitted(left + missed * along, (FIRST, CREPT), (SECOND, along)), alone)
 
@@ -102,12 +104,30 @@ def test_no_error_of_a_slow_law_is_fast(scale):
     size = OTHER * np.sqrt(np.mean(strong**2))
     assert size == pytest.approx(0.3 * NOISE, rel=0.05)
     found = []
-    for shape in (EARLIER, FAST_TONE):
+    for shape in (LATER, FAST_TONE):
         left = NOISE * rng.standard_normal(TIMES.size) + size * shape
         pair = fitted(left, (FIRST, strong), (SECOND, size * shape))
         found.append(scale.of_two(pair, fitted(left, (FIRST, strong))))
     assert found[0] < STRONG
     assert found[1] > 0.5 * 1500 * 0.3**2 / 2  # noise and fast errors of unknown size explain some of it
+
+
+def test_no_error_of_a_law_comes_before_its_effect(scale):
+    """An error as errors of laws are explains what comes after an effect has begun. Before that, the odds are at least
+    those over an exact law, and at most twice these, since an exact law has half of the prior probability.
+    """
+    rng, strong = np.random.default_rng(9), 10.0 * CREPT * (TIMES > 10.0)
+    assert OTHER * np.sqrt(np.mean(strong**2)) == pytest.approx(0.2 * NOISE, rel=0.1)
+    left = NOISE * rng.standard_normal(TIMES.size)
+    found, over_exact = [], []
+    for middle in (15.0, 5.0):
+        bump = np.exp(-((TIMES - middle) ** 2))
+        bump = 0.3 * NOISE * bump / np.sqrt(np.mean(bump**2))
+        alone, pair = fitted(left + bump, (FIRST, strong)), fitted(left + bump, (FIRST, strong), (SECOND, bump))
+        found.append(scale.of_two(pair, alone))
+        over_exact.append(scale.weight(pair) - scale.weight(alone) + pair_odds(len(EFFECTS)))
+    assert min(over_exact) > STRONG > found[0]
+    assert 0.0 <= found[1] - over_exact[1] <= np.log(2.0)
 
 
 def test_what_is_fast_in_another_reading_does_not_make_a_law_fast(problem):
@@ -128,7 +148,7 @@ def test_what_is_fast_in_another_reading_does_not_make_a_law_fast(problem):
 def test_pairs_are_compared_with_the_same_single_effect(scale):
     """The odds of two pairs over one effect are apart by what the recordings say of the pairs: odds multiply."""
     rng = np.random.default_rng(7)
-    along, beside = SIZE * EARLIER, SIZE * np.roll(EARLIER, 75)
+    along, beside = SIZE * LATER, SIZE * np.roll(LATER, 75)
     left = NOISE * rng.standard_normal(TIMES.size) + 10.0 * OTHER * along
     alone = fitted(left, (FIRST, CREPT))
     right, wrong = (fitted(left, (FIRST, CREPT), (SECOND, does)) for does in (along, beside))
@@ -170,7 +190,7 @@ def test_a_delay_is_a_second_effect_if_no_timing_error_is_as_long(scale, late, a
     assert scale.of_two(beside, alone, (pair,)) < scale.of_two(beside, alone)
 
 
-@pytest.mark.parametrize("shape", [EARLIER, FAST_TONE])
+@pytest.mark.parametrize("shape", [LATER, FAST_TONE])
 def test_first_order_promises_what_a_fit_then_shows(scale, shape):
     """The readings are linear: what is promised beside the first one is the evidence that the pair then has."""
     rng = np.random.default_rng(6)
@@ -189,7 +209,7 @@ def test_what_is_promised_near_even_odds_is_on_average_what_a_fit_shows(scale):
 
     A fit also learns how large noise and fast errors are, which costs it less than a nat.
     """
-    typical, shape, over = strength(SECOND).value, 0.5e-6 * EARLIER, []
+    typical, shape, over = strength(SECOND).value, 0.5e-6 * LATER, []
     for seed in range(12):
         left = NOISE * np.random.default_rng(seed).standard_normal(TIMES.size) + 0.6 * shape
         alone, pair = fitted(left, (FIRST, CREPT)), fitted(left, (FIRST, CREPT), (SECOND, shape))
