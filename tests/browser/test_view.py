@@ -47,7 +47,7 @@ def write_lab(folder: Path) -> str:
     (folder / "new.csv").unlink()
     former = DIAGNOSIS | {
         "output": {"name": "force", "unit": "N"},
-        "sentence": "The film keeps creeping with a time constant of 25 s.",
+        "sentence": "The film keeps creeping with a relaxation time of 25 s.",
         "fit": {
             "fitted": {"before": 0.17, "after": 0.002},
             "unseen": {"before": 0.14, "after": 0.002, "gain_low": 0.1},

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
-from deatwin.ident.greybox.covariance import with_errors
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.advise.advice import Advice
 from deatwin.ident.mismatch.detect.detection import Detection
 from deatwin.ident.mismatch.discover.discovery import Discovery
-from deatwin.ident.mismatch.likelihood.several import own_errors
+from deatwin.ident.mismatch.intervals import with_own_errors
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.quality.quality import DataQuality
@@ -88,22 +86,13 @@ class Findings:
     @cached_property
     def intervals(self) -> Calibration:
         """``final`` with a covariance that also includes the plant's model error."""
-        return self._with_own_errors(self.final)
+        return with_own_errors(self.final, self.problem, self.base.noise)
 
     @cached_property
     def base_intervals(self) -> Calibration:
         """``calibrated`` with a covariance that also includes the plant's model error."""
-        return self.intervals if self.calibrated is self.final else self._with_own_errors(self.calibrated)
-
-    def _with_own_errors(self, fit: Calibration) -> Calibration:
-        # Repeatable model errors bias a fit in the same way in every recording, so residuals do not show them. Their
-        # sizes are those that the likelihood expects.
-        whole = self.problem.everything
-        parts = whole if fit.residuals.size == sum(part.size for part in whole) else self.problem.fitted
-        rig, readings = self.problem.nominal.rig, readings_of_fit(parts, fit.residuals)
-        own = own_errors(rig, parts, readings, self.base.noise, self.problem.expected_error)
-        columns = own.columns_after(fit.residuals, fit.jacobian)
-        return replace(fit, covariance=with_errors(fit.covariance, fit.jacobian, columns))
+        known = self.calibrated
+        return self.intervals if known is self.final else with_own_errors(known, self.problem, self.base.noise)
 
     @property
     def unit(self) -> tuple[str, float]:

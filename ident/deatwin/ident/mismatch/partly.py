@@ -9,6 +9,7 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.excess import excess_of
+from deatwin.ident.mismatch.intervals import perhaps_absent, with_own_errors
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.located import Unexplained
 from deatwin.ident.mismatch.naming.candidate import Candidate
@@ -43,7 +44,8 @@ def acting(naming: Naming, problem: DiagnosisProblem, rng: np.random.Generator) 
     found = led_by_what_acts(naming)
     if found is None or found.best is None or (naming.best and set(naming.best.effects) == set(found.best.effects)):
         return None
-    if not is_known(found.best):
+    fit = with_own_errors(found.best.calibration, problem, found.best.noise)
+    if perhaps_absent(fit, found.best.effects):
         return None
     verification = verify(found.base, found.best, rng, problem, found.candidates)
     return (found, verification) if verification.holds else None
@@ -56,15 +58,6 @@ def explains_all(best: Candidate, base: Candidate, whole: Calibration | None) ->
     residuals = (best.calibration if whole is None else whole).residuals
     left, before = (excess_of(r, best.noise, error) for r in (residuals, base.residuals))
     return best.adequate or left.within_error or share_explained(left, before) >= NEARLY_ALL
-
-
-def is_known(candidate: Candidate) -> bool:
-    """Return whether the 95 % interval of each effect's strength excludes zero."""
-    # A film's relaxing modulus, for example, is known only as a share of its other modulus, because the permittivity
-    # scales both. No interval tells of such a strength whether it is zero; the ablation does.
-    fit = candidate.calibration
-    strengths = {f"{e.name}.{e.strength}" for e in fit.plant.effects if e.name in candidate.effects}
-    return all(low > 0.0 or high < 0.0 for low, high in map(fit.interval, strengths - fit.undetermined))
 
 
 def led_by_what_acts(naming: Naming) -> Naming | None:

@@ -48,7 +48,7 @@ class Creep(Effect):
     signal: ClassVar[str] = "film"
     strength: ClassVar[str] = "modulus"
     remembers: ClassVar[str] = "1"
-    wording: ClassVar[str] = "The film keeps creeping with a time constant of {time}"
+    wording: ClassVar[str] = "The film keeps creeping with a relaxation time of {time}"
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

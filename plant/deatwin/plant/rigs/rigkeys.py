@@ -124,11 +124,16 @@ DRIVE: Keys = {
         lower=0.0,
         upper=86400.0,
         slips=_MS,
-        about="before time 0 the first command was ramped up from 0 V in this time",
+        about="before time 0 the first command was ramped up from 0 V in this time, 0 if the film rested at 0 V",
         instead="start",
     ),
     "start_hold_s": NumberKey(
-        field="start_hold", lower=0.0, upper=86400.0, slips=_MS, about="and held for this time", instead="start"
+        field="start_hold",
+        lower=0.0,
+        upper=86400.0,
+        slips=_MS,
+        about="and held for this time, 0 if the film rested at 0 V",
+        instead="start",
     ),
     "command_min_V": NumberKey(
         field="command_min", lower=-1e5, upper=1e5, required=False, slips=_MV, about="what the drive may give"
@@ -180,7 +185,8 @@ SENSOR: Keys = {
         field="reading",
         choices=tuple(taken.value for taken in ReadingTime),
         required=False,
-        about="when a row is read while its command is held, or that it is the mean over that time; end of hold if left out",
+        about="start of hold if the program reads the sensor before it sets the command of the row, end of hold if it reads "
+        "just before the next command, or that the reading is the mean over the hold; end of hold if left out",
     ),
 }
 

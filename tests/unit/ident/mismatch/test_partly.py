@@ -1,6 +1,5 @@
 """What acts where nothing explains a mismatch wholly: which effects stand, and what they leave."""
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -12,7 +11,7 @@ from made_rigs import Bare
 from deatwin.ident.greybox import FitStatus
 from deatwin.ident.mismatch import Candidate, Naming, Verdict, diagnose
 from deatwin.ident.mismatch.located import Band, LocationSummary, PlaceSummary, Window
-from deatwin.ident.mismatch.partly import explains_all, is_known, led_by_what_acts, unexplained
+from deatwin.ident.mismatch.partly import explains_all, led_by_what_acts, unexplained
 from deatwin.plant import (
     Builder,
     CoulombFriction,
@@ -116,27 +115,6 @@ def test_what_two_others_do_far_better_does_not_act():
     assert found(candidate("c", rms=6.0), candidate("a", rms=20.0), candidate("b", rms=20.0)) == ("c",)
     assert found(candidate("c", rms=6.0), candidate("a", "b", rms=3.0)) is None
     assert found(candidate("c", rms=6.0), candidate("a", "c", rms=3.0)) == ("c",)
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "known"), [(1.0, 2.0, True), (-2.0, -1.0, True), (-1.0, 2.0, False), (0.0, 1.0, False)]
-)
-def test_an_effect_whose_strength_may_be_none_is_not_certain_to_act(low, high, known):
-    assert is_known(drifting(low, high)) is known
-
-
-def test_a_strength_that_only_others_tell_is_left_to_the_ablation():
-    assert is_known(drifting(0.0, 1.0, undetermined=["sensor_drift.change"]))
-
-
-def drifting(low: float, high: float, undetermined: Collection[str] = ()) -> SimpleNamespace:
-    """Return a candidate with a drift whose strength has an interval."""
-    fit = SimpleNamespace(
-        plant=SimpleNamespace(effects=(SensorDrift(),)),
-        interval=lambda name: (low, high),
-        undetermined=frozenset(undetermined),
-    )
-    return SimpleNamespace(effects=("sensor_drift",), calibration=fit)
 
 
 def test_what_is_left_is_where_most_of_it_is():

@@ -407,7 +407,7 @@ def test_an_explanation_is_named_with_all_its_effects(causes, rivals, said):
 
 def test_the_sentences_of_one_cause():
     assert DIAGNOSES["named"].sentence == (
-        "The model lacks an effect: the film keeps creeping with a time constant of 54.1 s (95 % interval: 50.2 to 59.3). "
+        "The model lacks an effect: the film keeps creeping with a relaxation time of 54.1 s (95 % interval: 50.2 to 59.3). "
         "Creep explains 97 % of the mismatch between model and recordings. Adding creep to the model lowers the error on "
         "held-out data from 10.2 to 2.1 µm rms (sensor noise: 2.0 µm rms)."
     )
@@ -415,7 +415,7 @@ def test_the_sentences_of_one_cause():
 
 def test_the_sentences_of_a_part():
     assert DIAGNOSES["partly, when"].sentence == (
-        "The model lacks creep, and something else that could not be identified. The film keeps creeping with a time constant "
+        "The model lacks creep, and something else that could not be identified. The film keeps creeping with a relaxation time "
         "of 54.1 s (95 % interval: 50.2 to 59.3). Creep explains 97 % of the mismatch between model and recordings. Of the "
         "9.6 µm rms mismatch, 1.2 µm rms remain unexplained, mostly between 118 and 131 s. Adding creep to the model lowers the "
         "error on held-out data from 10.2 to 2.1 µm rms (sensor noise: 2.0 µm rms)."

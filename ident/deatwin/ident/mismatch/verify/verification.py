@@ -62,6 +62,9 @@ class Verification(Described):
         SI unit of the reading.
     whole : Calibration or None
         The plant with the explanation, calibrated on all data. None if this was not needed.
+    perhaps_absent : tuple of str
+        Names of the effects whose strength may be zero, since its 95 % interval includes zero. Empty for a single
+        effect, whose absence the detection tests.
     one_clock : tuple of str
         Names of two effects with the same time constant, which may be a single effect of another kind. Empty if there
         are none.
@@ -87,6 +90,7 @@ class Verification(Described):
     )
     output_unit: str = ""
     whole: Calibration | None = None
+    perhaps_absent: tuple[str, ...] = ()
     one_clock: tuple[str, ...] = ()
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
@@ -138,6 +142,10 @@ class Verification(Described):
             for c in self.constancies
             if c.change is not None and not c.holds
         ]
+        found += [
+            f"the strength of {effect} may be zero, because its 95 % interval includes zero"
+            for effect in self.perhaps_absent
+        ]
         if self.one_clock:
             found.append(
                 " and ".join(self.one_clock)
@@ -147,13 +155,15 @@ class Verification(Described):
 
     @property
     def doubted(self) -> tuple[str, ...]:
-        """Effects whose removal does not significantly raise the error.
+        """Effects whose removal does not significantly raise the error, or whose strength may be zero.
 
         Empty if another test failed, too, or if this holds for all effects. Otherwise the explanation is reported
         together with the one without the doubted effect.
         """
-        spared = tuple(a.effect for a in self.ablations if not a.returns)
-        return spared if len(self.failures) == len(spared) < len(self.ablations) else ()
+        useless = [a.effect for a in self.ablations if not a.returns]
+        spared = tuple(dict.fromkeys([*useless, *self.perhaps_absent]))
+        only = len(self.failures) == len(useless) + len(self.perhaps_absent)
+        return spared if only and len(spared) < len(self.ablations) else ()
 
     @property
     def summary(self) -> VerificationSummary:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from deatwin.ident.mismatch.excess import practical_size
+from deatwin.ident.mismatch.intervals import perhaps_absent, with_own_errors
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.clocks import of_one_clock
@@ -76,6 +77,7 @@ def verify(
         output_unit=amended.calibration.plant.rig.output_unit,
         whole=whole,
         one_clock=of_one_clock(amended),
+        perhaps_absent=() if problem is None else _perhaps_absent(amended, problem),
     )
 
 
@@ -128,6 +130,13 @@ def _counts(without: Candidate, amended: Candidate, rng: np.random.Generator) ->
     """Return whether the residual certainly falls over all data, and in held-out data by more than the model error."""
     over_both = bootstrap_gain(without.losses, amended.losses, rng)
     return over_both > 0.0 and _gained_unseen(without, amended) > amended.calibration.plant.rig.model_error**2
+
+
+def _perhaps_absent(amended: Candidate, problem: DiagnosisProblem) -> tuple[str, ...]:
+    """Return the effects whose strength may be zero; none if there is one effect, whose absence the detection tests."""
+    if len(amended.effects) < 2:
+        return ()
+    return perhaps_absent(with_own_errors(amended.calibration, problem, amended.noise), amended.effects)
 
 
 def _takes_most_unseen(base: Candidate, amended: Candidate) -> bool:

@@ -60,6 +60,18 @@ def test_a_doubt_of_one_effect_is_none_of_the_others():
         assert verification(**other).doubted == ()
 
 
+def test_an_effect_that_may_be_absent_is_doubted():
+    """Whether its removal raises the error or not; but not beside a refuted whole, nor if all effects are doubted."""
+    creep = Ablation(effect="creep", fitted=4e-6, unseen=5e-6, gain_low=1e-6, share=0.5)
+    sure, spared = replace(creep, effect="delay"), replace(creep, effect="delay", gain_low=-1e-8)
+    for delay in (sure, spared):
+        found = verification(ablations=(creep, delay), perhaps_absent=("delay",))
+        assert found.doubted == ("delay",)
+        assert found.failures[-1] == "the strength of delay may be zero, because its 95 % interval includes zero"
+    assert verification(ablations=(creep, sure), perhaps_absent=("delay",), gain_low=0.0).doubted == ()
+    assert verification(ablations=(creep, spared), perhaps_absent=("creep",)).doubted == ()
+
+
 def test_the_file_has_amplitudes_in_micrometres():
     taken = Ablation(effect="creep", fitted=9e-6, unseen=10e-6, gain_low=7e-6, share=0.97)
     data = verification(ablations=(taken,)).summary
