@@ -387,18 +387,21 @@ EXPLANATIONS = {
     [
         (
             Verdict.NONE,
-            "the error beyond sensor noise is 0.340 µm rms (p = 0.230 for all tests of the residual together; a mismatch "
-            "would need p < 0.01), and errors below 1.19 µm rms do not count as a mismatch.",
+            "the error beyond sensor noise (on fitted or on held-out data, whichever is larger) is 0.340 µm rms (p = 0.230 for "
+            "all tests of the residual together; a mismatch would need p < 0.01), and errors below 1.19 µm rms do not count "
+            "as a mismatch.",
         ),
         (
             Verdict.PARAMETERS,
-            "the error beyond sensor noise is 0.340 µm rms (p = 0.230 for all tests of the residual together; a mismatch "
-            "would need p < 0.01), and errors below 1.19 µm rms do not count as a mismatch.",
+            "the error beyond sensor noise (on fitted or on held-out data, whichever is larger) is 0.340 µm rms (p = 0.230 for "
+            "all tests of the residual together; a mismatch would need p < 0.01), and errors below 1.19 µm rms do not count "
+            "as a mismatch.",
         ),
         (
             Verdict.UNKNOWN,
-            "the error beyond sensor noise is 0.340 µm rms, and errors below 1.19 µm rms do not count as a mismatch; no single effect or "
-            "signal accounts for more than 34 % of the mismatch (at the film).",
+            "the error beyond sensor noise (on fitted or on held-out data, whichever is larger) is 0.340 µm rms, and errors "
+            "below 1.19 µm rms do not count as a mismatch; no single effect or signal accounts for more than 34 % of the "
+            "mismatch (at the film).",
         ),
         (
             Verdict.DISTURBANCE,

@@ -123,8 +123,7 @@ def _clean(diagnosis: Diagnosis) -> str:
     if found.practical is not None and found.excess < found.practical:
         small = f" ({chance} for all tests of the residual together; a mismatch would need p < {LEVEL:g})"
         return _beyond_noise(diagnosis, small)
-    beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
-    return f"{beyond}, but it may be due to chance ({chance}; an error of this size counts only if p < {LEVEL:g})"
+    return f"{_beyond(found.excess, diagnosis)}, but it may be due to chance ({chance}; an error of this size counts only if p < {LEVEL:g})"
 
 
 def _unknown(diagnosis: Diagnosis) -> str:
@@ -168,10 +167,15 @@ def _beyond_noise(diagnosis: Diagnosis, chance: str = "") -> str:
     found = diagnosis.detection
     if found.p_value is None or found.excess is None:
         return ""
-    beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
+    beyond = _beyond(found.excess, diagnosis)
     if found.practical is None:
         return beyond
     return f"{beyond}{chance}, and errors below {_rms(found.practical, diagnosis)} do not count as a mismatch"
+
+
+def _beyond(excess: float, diagnosis: Diagnosis) -> str:
+    larger = "on fitted or on held-out data, whichever is larger"
+    return f"the error beyond sensor noise ({larger}) is {_rms(excess, diagnosis)}"
 
 
 def _data_fault(diagnosis: Diagnosis) -> str:
