@@ -49,16 +49,20 @@ def _without_doubted(
     naming: Naming, verification: Verification, refuted: Collection[frozenset[str]] = ()
 ) -> list[Candidate]:
     """Return the explanation without each effect in doubt; empty if one of these does not explain most by itself."""
-    # It is also empty if one of these smaller explanations is unknown or was refuted.
+    # It is also empty if one of these smaller explanations is unknown or was refuted. If the strength of an effect may be
+    # zero, the explanation without it is possible whatever values a fit without it needs.
     if naming.best is None:
         return []
     known = {frozenset(c.effects): c for c in naming.candidates if not c.calibration.given_up}
-    rest = [known.get(frozenset(naming.best.effects) - {name}) for name in verification.doubted]
+    rest = {name: known.get(frozenset(naming.best.effects) - {name}) for name in verification.doubted}
     standing = [
         c
-        for c in rest
+        for name, c in rest.items()
         if c is not None
         and frozenset(c.effects) not in refuted
-        and (c in naming.alternatives or (takes_most(c, naming.base) and not held_back_by(c)))
+        and (
+            c in naming.alternatives
+            or (takes_most(c, naming.base) and (name in verification.perhaps_absent or not held_back_by(c)))
+        )
     ]
     return standing if len(standing) == len(rest) else []
