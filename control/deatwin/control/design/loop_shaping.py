@@ -42,6 +42,10 @@ class Robustness:
                 f"phase_margin_deg is {self.phase_margin_deg:g}: it must be from 0 to below 90, which an integrator has"
             )
 
+    def is_late(self, loops: Complex) -> NDArray[np.bool_]:
+        """Return where the phase of loops is within the phase margin of -180°."""
+        return np.asarray(np.abs(np.angle(-loops)) < np.radians(self.phase_margin_deg))
+
     def largest_gain(self, loops: Complex) -> Array:
         """Return the factors (n,) by which loops (n, n_frequencies) may be multiplied before they reach a bound."""
         # At each frequency a bound is reached at the lower root k of |1 + k L|² = 1/M², or at |k L| = 1 if the phase of
@@ -52,7 +56,7 @@ class Robustness:
         reached = (under >= 0.0) & (real < 0.0)
         root = np.full(loops.shape, np.inf)
         root[reached] = outside / (-real[reached] + np.sqrt(under[reached]))
-        late = np.abs(np.angle(-loops)) < np.radians(self.phase_margin_deg)
+        late = self.is_late(loops)
         root[late] = np.minimum(root[late], 1.0 / np.sqrt(square[late]))
         return np.asarray(root.min(axis=1))
 
@@ -205,19 +209,23 @@ class _Loops:
 
     def fastest(self) -> tuple[float, float]:
         """Return the largest integral gain within the bounds, and the time constant that belongs to it."""
-        times, values = self.times, self.table
-        for _ in range(3):  # refined each time between the neighbours of the best
+        times, omega, values = self.times, self.omega, self.table
+        for width in (1e-2, 5e-4, 0.0):  # refined each time between the neighbours of the best, and near its crossover
             largest = self.bounds.largest_gain(values)
             best = int(np.argmax(largest))
             found = float(largest[best]), float(times[best])
             times = np.linspace(times[max(best - 1, 0)], times[min(best + 1, times.size - 1)], 41)
-            values = self.values(times, self.omega)
+            near = self.crossover(*found) * (1.0 + width * np.linspace(-1.0, 1.0, 41))
+            omega = np.union1d(omega, np.minimum(near, omega[-1]))
+            values = self.values(times, omega)
         return found
 
     def crossover(self, integral: float, time: float) -> float:
         """Return the highest frequency at which the loop gain is one, rad/s."""
-        above = np.flatnonzero(integral * np.abs(self.values(np.array([time]), self.omega)[0]) >= 1.0)
-        return float(self.omega[above[-1]])
+        level = np.log(integral * np.abs(self.values(np.array([time]), self.omega)[0]))
+        last = np.flatnonzero(level >= 0.0)[-1]
+        around = slice(last, last + 2)
+        return float(np.exp(np.interp(0.0, -level[around], np.log(self.omega[around]))))
 
     def at(self, crossover: float) -> tuple[float, float]:
         """Return the largest integral gain within the bounds for a given crossover, and its time constant."""
@@ -233,17 +241,14 @@ class _Loops:
         return found
 
     def _reached(self, crossover: float) -> tuple[float, float] | None:
-        needed = self._needed(crossover)
-        good = needed <= self.bounds.largest_gain(self.table)
+        loops = self.values(self.times, np.array([crossover]))[:, 0]
+        needed = 1.0 / np.abs(loops)  # integral gains with which the loop gain is one at the crossover
+        good = (needed <= self.bounds.largest_gain(self.table)) & ~self.bounds.is_late(loops)
         good &= ~self._crosses_above(needed, crossover)
         if not good.any():
             return None
         best = int(np.argmax(np.where(good, needed, 0.0)))
         return float(needed[best]), float(self.times[best])
-
-    def _needed(self, crossover: float) -> Array:
-        """Return, for each time constant, the integral gain that makes the loop gain one at the crossover."""
-        return np.asarray(1.0 / np.abs(self.values(self.times, np.array([crossover]))[:, 0]))
 
     def _crosses_above(self, needed: Array, crossover: float) -> NDArray[np.bool_]:
         above = self.omega > crossover * (1.0 + 1e-9)

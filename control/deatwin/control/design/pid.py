@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.control.arguments import finite, instance, number, pair, require_fields, taking
+from deatwin.control.arguments import finite, instance, number, pair, positive, require_fields, taking
 from deatwin.control.controllers.law import REFERENCE, Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
@@ -98,7 +98,13 @@ class PidGains:
             Law whose first state is the integral part of the command, in the input's unit. With a derivative, the
             second state is the filtered reading, in the output's unit. Laws with different gains have the same state of
             rest, as `ScheduledController` requires.
+
+        Raises
+        ------
+        ControlError
+            If the sampling time is not positive.
         """
+        positive(sample_time, "sample_time")
         step = self.integral * sample_time
         pi = Law.of_error([[1.0]], [step], [1.0], self.proportional + step)
         if not self.derivative:
@@ -122,7 +128,13 @@ class PidGains:
         -------
         ndarray, shape (n,)
             Back-calculation gain of each state, for `LinearController`.
+
+        Raises
+        ------
+        ControlError
+            If the sampling time is not positive.
         """
+        positive(sample_time, "sample_time")
         share = self.integral * sample_time / self.proportional if self.proportional else 1.0
         tracking = min(abs(share), 1.0)
         return np.array([tracking, 0.0] if self.derivative else [tracking])

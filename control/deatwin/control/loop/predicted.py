@@ -274,7 +274,7 @@ class _Terms:
         self._theta = theta.T
         quiet = [m for m, term in enumerate(model.terms) if all(v.kind != "e" for v in term.expanded)]
         self._terms = [(m, [variables.index(v) for v in model.terms[m].expanded]) for m in quiet]
-        self._first = 0 if reading is ReadingTime.END_OF_HOLD else 1
+        self._first = 1 if reading is ReadingTime.START_OF_HOLD else 0
         self._table = model.table
         if any(v.kind == "u" and v.lag < self._first for v in variables):
             raise ModelError(

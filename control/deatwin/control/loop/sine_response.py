@@ -49,8 +49,8 @@ class SineResponse:
     omega : ndarray, shape (m,)
         Angular frequencies, rad/s.
     values : ndarray of complex, shape (n, m)
-        Response G, output unit per input unit, for readings taken at the end of each sample, just before the command
-        takes its next value. NaN if the simulation failed.
+        Response G, output unit per input unit, of the rig's readings. A reading, even a mean over the hold, counts as
+        taken at the end of the hold, just before the command takes its next value. NaN if the simulation failed.
 
     Raises
     ------

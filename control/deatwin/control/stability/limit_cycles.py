@@ -171,7 +171,8 @@ def limit_cycles(
     Raises
     ------
     ControlError
-        If there are fewer than two amplitudes or frequencies, or if they do not increase or lie outside their range.
+        If there are fewer than two amplitudes or frequencies, if they do not increase or lie outside their range, or if
+        `describing_function` returns an array of another shape.
 
     References
     ----------
@@ -190,7 +191,7 @@ def limit_cycles(
         """Return ln(-N L), which is zero at a limit cycle."""
         omega = np.exp(log_rate)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.log(-describing_function(np.exp(log_size), omega) * loop(omega)))
+            return np.asarray(np.log(-_described(describing_function, np.exp(log_size), omega) * loop(omega)))
 
     starts = _cells(logarithm(np.log(sizes)[:, None], np.log(rates)[None, :]))
     found = _refined(logarithm, np.log(sizes), np.log(rates), starts)
@@ -201,8 +202,20 @@ def limit_cycles(
         omega=rates,
         loop=loop(rates),
         amplitudes=sizes,
-        describing=np.array(describing_function(sizes, np.full(sizes.size, middle)), dtype=np.complex128),
+        describing=_described(describing_function, sizes, np.full(sizes.size, middle)),
     )
+
+
+def _described(describing_function: Describing, sizes: Array, omega: Array) -> Complex:
+    """Return N with the shape to which amplitudes and frequencies broadcast; ControlError if N does not fit it."""
+    values, shape = describing_function(sizes, omega), np.broadcast_shapes(np.shape(sizes), np.shape(omega))
+    try:
+        return np.array(np.broadcast_to(np.asarray(values, dtype=np.complex128), shape))
+    except (TypeError, ValueError) as error:
+        raise ControlError(
+            f"describing_function must return numbers of the shape to which its arguments broadcast, here {shape}; "
+            f"it returned {np.shape(values)}"
+        ) from error
 
 
 def _axis(values: ArrayLike, name: str, limit: float) -> Array:

@@ -162,7 +162,9 @@ def _initial(initial: ArrayLike, n_outputs: int, fewest: int) -> Array:
     if rows.ndim != 2 or rows.shape[0] != n_outputs:
         wanted = "(m,) or (1, m)" if n_outputs == 1 else f"({n_outputs}, m)"
         raise ModelError(f"initial has the shape {values.shape}; the model takes {wanted}, a row for each output")
-    finite = np.all(np.isfinite(rows), axis=0)
+    if np.any(np.isinf(rows)):
+        raise ModelError("initial has an infinite value; give NaN for outputs that are not known")
+    finite = ~np.any(np.isnan(rows), axis=0)
     count = int(finite.size if finite.all() else np.argmin(finite))
     if np.any(finite[count:]):
         raise ModelError(f"initial has no number at sample {count} but numbers after it; take away what comes before")

@@ -52,7 +52,13 @@ def require_estimator(given: object) -> None:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Least-squares estimator of the parameters of given terms, by QR decomposition. For `Frols` and `Fixed`."""
+    """Least-squares estimator of the parameters of given terms, by QR decomposition. For `Frols` and `Fixed`.
+
+    The model's ``theta_dof`` is infinite: intervals and bands treat the residual variance as known. With few samples
+    they are therefore too narrow. If there are 10, 30 or 100 more samples than parameters, 95 % intervals contain the
+    true value in 92.2, 94.1 or 94.7 % of cases. `Bayesian` and `SvbNarx` give wider intervals, by a Student-t
+    distribution.
+    """
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
         """Return the estimate for the regressors `rows` (n_terms, n_samples) and the output `target` (n_samples,).

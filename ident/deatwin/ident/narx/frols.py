@@ -49,8 +49,9 @@ class Frols(CandidateSearch):
         Criterion whose minimum decides the number of terms. With n samples, k terms, p candidates and the mean squared
         residual s, it is:
 
-        - "ebic", ``n ln s + k ln n + 2 ln C(p, k)`` with the binomial coefficient C(p, k): the extended Bayesian
-          information criterion, which avoids false terms even among many candidates;
+        - "ebic", ``n ln s + k ln n + 2 ln C(p, k) + 2 ln(p + 1)`` with the binomial coefficient C(p, k), which keeps
+          its largest value for k above p/2: the extended Bayesian information criterion, which avoids false terms even
+          among many candidates;
         - "bic", ``n ln s + k ln n``, or "aic", ``n ln s + 2 k``: these ignore the number of candidates, and keep false
           terms if there are hundreds of candidates;
         - "free_run", the mean squared free-run error on the held-out samples;

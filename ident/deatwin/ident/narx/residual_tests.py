@@ -62,7 +62,9 @@ class CorrelationTest:
         Number of residuals.
     p_value : float
         Probability of correlations at least as large if the model is adequate. It is twice the smaller p-value of two
-        statistics: the sum of the squared correlations, and the largest correlation.
+        statistics: the sum of the squared correlations, and the largest correlation. In test "(u2)'e2", the squares are
+        first replaced by the values that their ranks would have if u and e were normal. Otherwise, a few large
+        residuals alone would make the test fail.
     level : float
         Significance level; the test fails if ``p_value`` is below ``level``.
     """
@@ -149,7 +151,8 @@ def correlation_tests(
     phi_(u2)'e and phi_(u2)'e2 at lags of both signs; phi_e(eu), of e(k) and e(k-1-tau) u(k-1-tau), at lags 0 to
     ``max_lag - 1``. The mean of e is kept, because a mean is a fault. With the covariance between lags (Bartlett's
     formula [3]_), the tests with u test dependence on the input only. Correlations of two skewed signals, such as u^2
-    and e^2, are treated as gamma variables.
+    and e^2, are treated as gamma variables. That law has too light a tail if the residual has more outliers than a
+    normal one, so the p-value of phi_(u2)'e2 is that of the squares' chi-square scores.
     """
     both, later = np.arange(-max_lag, max_lag + 1), np.arange(1, max_lag + 1)
     n_outputs, n_inputs = residuals[0].shape[0], inputs[0].shape[0]
@@ -168,7 +171,7 @@ def correlation_tests(
             tests.append(_tested("e(eu)", i, j, later - 1, later, eu, e, level))
             if _power(u2) > _ROUNDING * _power([x**2 for x in u]) and _power(e2) > 0.0:
                 tests.append(_tested("(u2)'e", i, j, both, both, u2, e, level))
-                tests.append(_tested("(u2)'e2", i, j, both, both, u2, e2, level))
+                tests.append(_tested("(u2)'e2", i, j, both, both, u2, e2, level, (_scored(u2), _scored(e2))))
     for i, j in combinations(range(n_outputs), 2):
         tests.append(_tested("ee'", i, j, both[both != 0], both[both != 0], errors[j], errors[i], level))
     return tuple(tests)
@@ -192,15 +195,35 @@ def whiteness_of(residuals: Sequence[Array], output: int, *, max_lag: int) -> Wh
     )
 
 
+def _scored(squares: Series) -> list[Array]:
+    """Return the chi-square quantiles (1 degree of freedom) of the values' ranks, less their mean."""
+    from scipy.special import chdtri
+    from scipy.stats import rankdata
+
+    ranks = rankdata(np.concatenate(squares))
+    scores = chdtri(1, 1.0 - ranks / (ranks.size + 1))
+    return _centred(np.split(scores, np.cumsum([x.size for x in squares])[:-1]))
+
+
 def _tested(
-    name: str, output: int, other: int | None, lags: Integers, shifts: Integers, a: Series, b: Series, level: float
+    name: str,
+    output: int,
+    other: int | None,
+    lags: Integers,
+    shifts: Integers,
+    a: Series,
+    b: Series,
+    level: float,
+    judged: tuple[Series, Series] | None = None,
 ) -> CorrelationTest:
-    """Test the correlation of a, delayed by the shifts, with b."""
+    """Test the correlation of a, delayed by the shifts, with b; the p-value is that of the pair ``judged`` if given."""
     values = correlation(a, b, shifts)
+    a, b = judged or (a, b)
     spread = np.eye(1, shifts.size)[0]  # correlations at the lags are independent, because e is white
     if name in ("ue", "(u2)'e", "(u2)'e2"):
         spread = _bartlett(a, b, shifts.size, int(shifts[-1]))
-    scores = _normal_scores(_standardised(values, b, shifts) / np.sqrt(spread[0]), _skewness(a) * _skewness(b))
+    tested = values if judged is None else correlation(a, b, shifts)
+    scores = _normal_scores(_standardised(tested, b, shifts) / np.sqrt(spread[0]), _skewness(a) * _skewness(b))
     return CorrelationTest(
         name=name,
         output=output,

@@ -5,6 +5,7 @@ import pytest
 
 from deatwin.control.controllers.law import Law
 from deatwin.control.design.pid import PidGains
+from deatwin.control.errors import ControlError
 
 H = 0.02
 PID = PidGains(proportional=0.5, integral=2.0, derivative=0.05, filter_time=0.03)
@@ -54,3 +55,10 @@ def test_a_law_of_another_form_has_no_gains():
     assert PidGains.of_law(leaky, H) is None
     coupled = Law(a=np.array([[1.0, 0.2], [0.0, 0.5]]), b=PID.law(H).b, c=PID.law(H).c, d=PID.law(H).d)
     assert PidGains.of_law(coupled, H) is None
+
+
+@pytest.mark.parametrize("sample_time", [0.0, -H, np.nan, "0.02"])
+@pytest.mark.parametrize("method", [PID.law, PID.windup])
+def test_a_sampling_time_that_is_not_positive_is_refused(method, sample_time):
+    with pytest.raises(ControlError, match="sample_time"):
+        method(sample_time)

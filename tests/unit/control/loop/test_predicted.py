@@ -23,7 +23,7 @@ from deatwin.plant import ModelError, ReadingTime
 
 H = 0.02
 NOTHING = Residual(rms=0.0, correlation_time=1.0)
-AT_END, AT_START = ReadingTime.END_OF_HOLD, ReadingTime.START_OF_HOLD
+AT_END, AT_START, MEAN = ReadingTime.END_OF_HOLD, ReadingTime.START_OF_HOLD, ReadingTime.MEAN_OVER_HOLD
 RANGE = trained_on((-1.0, 1.0), (-2.0, 2.0), input_centre=0.1, output_centre=0.2)
 
 
@@ -53,12 +53,13 @@ def predicted(model, reading, reference, controller=None, *, residual=NOTHING, n
     )
 
 
-def test_rows_read_at_the_end_equal_a_loop_written_down():
-    """y(k) = 0.5 y(k-1) - 0.2 y(k-2)² + 0.6 u(k) + 0.3 u(k-1) u(k-2), where u(k) has acted for all of row k."""
+@pytest.mark.parametrize("reading", [AT_END, MEAN])
+def test_rows_read_after_their_command_equal_a_loop_written_down(reading):
+    """y(k) = 0.5 y(k-1) - 0.2 y(k-2)² + 0.6 u(k) + 0.3 u(k-1) u(k-2): the reading of row k is complete at its end."""
     model = NarxModel.from_terms({"y(k-1)": 0.5, "y(k-2)^2": -0.2, "u(k)": 0.6, "u(k-1)*u(k-2)": 0.3}, sample_time=H)
     reference = step_reference(0.2, 0.15, 60, rise=7)
     controller = pi(high=0.25)  # which saturates
-    got = predicted(model, AT_END, reference, controller)
+    got = predicted(model, reading, reference, controller)
     u = [0.1] * 3
     y = [0.0, 0.0]
     for _ in range(2000):  # at rest at the operating input

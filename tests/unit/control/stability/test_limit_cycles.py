@@ -181,6 +181,18 @@ def test_grids_that_make_no_sense_are_refused(amplitudes, omegas):
         limit_cycles([0.0, 1.0], [1.0, -0.5], H, RELAY, amplitudes, omegas)
 
 
+def test_a_describing_function_of_another_shape_is_refused():
+    with pytest.raises(ControlError, match=r"broadcast, here \(2, 3\); it returned \(5,\)"):
+        limit_cycles([0.0, 1.0], [1.0, -0.5], H, lambda amplitude, omega: np.ones(5), [1.0, 2.0], [1.0, 2.0, 3.0])
+
+
+def test_a_constant_gain_is_described_at_each_amplitude():
+    # L = k z^-1 / (1 - z^-1) crosses -180 degrees at half the sampling rate only, so a gain of 0.5 has no cycle.
+    found = limit_cycles([0.0, 0.5], [1.0, -1.0], H, lambda amplitude, omega: 0.5, [1.0, 2.0, 3.0], [1.0, 2.0])
+    assert len(found) == 0
+    np.testing.assert_array_equal(found.describing, np.full(3, 0.5))
+
+
 def test_the_picture_names_both_curves_and_each_cycle():
     top, bottom = third_order(8.0)
     found = limit_cycles(top, bottom, H, LIMITED, np.geomspace(0.5, 30, 50), np.geomspace(0.05, 50, 200))

@@ -262,6 +262,22 @@ def test_the_error_is_the_rate_of_the_response_times_the_delay_of_the_feedback()
     np.testing.assert_allclose(found.frozen_error, np.abs(wanted), rtol=1e-9)
 
 
+@pytest.mark.parametrize("places", [[260, 1010, 2010], np.arange(100, 2400, 300), [1000]], ids=["few", "even", "one"])
+def test_the_error_of_times_far_apart_is_that_of_the_system_between_them(places):
+    # y(k) = a(k) y(k-1) + u(k-1) under e^(jwk) is h(k) e^(jwk) with h(k) = (a(k) h(k-1) + 1) e^(-jw), a recursion. The
+    # frozen response is z/(1 - a z). A second order of the rate is left: a few per cent of the correction.
+    k = np.arange(2400)
+    a = 0.5 + 0.2 * np.sin(2 * np.pi * k / 2000)
+    trajectory, z = trajectory_of({"y(k-1)": 0.5, "u(k-1)": 1.0}, {"y(k-1)": a}), np.exp(-1j * T * W)
+    h = np.zeros((k.size, W.size), dtype=complex)
+    h[0] = z / (1 - a[0] * z)
+    for i in k[1:]:
+        h[i] = (a[i] * h[i - 1] + 1) * z
+    found = tv_gfrf(trajectory, 1, W, timepts=T * np.asarray(places))
+    wanted = h[places] - found.values
+    np.testing.assert_allclose(found.frozen_correction, wanted, atol=0.05 * np.abs(wanted).max())
+
+
 def test_the_error_of_a_tone_is_the_same_in_all_forms():
     # u = A cos: Y_2 at twice its frequency is A^2/4 H_2(w, w), and U_2 is A^2/4.
     trajectory = drifting()

@@ -73,6 +73,7 @@ def test_several_outputs_and_one_input():
         (lambda x: x.T, None, "transpose them"),
         (lambda x: x, [1.0], "initial holds 1 values of each output; the model needs at least 2"),
         (lambda x: x, [1.0, np.nan, 2.0], "no number at sample 1"),
+        (lambda x: x, [1.0, 2.0, np.inf], "infinite"),
         (lambda x: x, np.ones((1, 60)), "at least 61 are needed"),
         (lambda x: x[:, :5], None, "the inputs have 5 samples"),
         (lambda x: np.where(x == x[1, 7], np.nan, x), None, "the input w is nan at sample 7"),

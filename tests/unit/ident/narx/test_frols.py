@@ -91,10 +91,11 @@ def test_criteria_as_written_in_the_literature():
     expected = {"aic": n * math.log(s) + 2 * k, "bic": n * math.log(s) + k * math.log(n)}
     for name, value in expected.items():
         assert criterion_values(name, path, target, p)[2] == pytest.approx(value, rel=1e-12)
-    # EBIC (Chen and Chen 2008, gamma = 1), of which only differences matter
+    # EBIC (Chen and Chen 2008, gamma = 1, for up to p/2 terms), plus a constant
+    path = list(forward_selection(rows.copy(), target, 7))
     values = criterion_values("ebic", path, target, p) - criterion_values("bic", path, target, p)
-    choices = [2 * math.log(math.comb(p, j)) for j in (1, 2, 3)]
-    np.testing.assert_allclose(np.diff(values), np.diff(choices), rtol=1e-12)
+    choices = [2 * math.log((p + 1) * math.comb(p, min(j, p // 2))) for j in range(1, 8)]
+    np.testing.assert_allclose(values, choices, rtol=1e-10)
 
 
 def test_the_extended_criterion_withstands_many_false_candidates():

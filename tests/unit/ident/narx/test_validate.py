@@ -115,6 +115,25 @@ def test_level_when_nothing_is_left(pole_u, pole_e, names):
         assert all(abs(outside[name] - 0.048) < 0.02 for name in names), outside
 
 
+@pytest.mark.parametrize("of_input", [False, True], ids=["residual", "residual and input"])
+@pytest.mark.parametrize("law", ["laplace", "t5", "bursts"])
+def test_the_level_of_the_squares_holds_with_outliers(law, of_input):
+    # Independent signals, so each test may fail in at most 5 % of 400 draws; 0.1 % point of the binomial law.
+    from scipy.stats import binom
+
+    def heavy(rng):
+        if law == "bursts":  # one sample in twenty is ten times larger
+            return rng.normal(size=300) * np.where(rng.random(300) < 0.05, 10.0, 1.0)
+        return rng.laplace(size=300) if law == "laplace" else rng.standard_t(5, size=300)
+
+    rng, rejected = np.random.default_rng(21), 0
+    for _ in range(400):
+        e, u = heavy(rng), heavy(rng) if of_input else rng.normal(size=300)
+        found = correlation_tests([e[None]], [u[None]], max_lag=25, level=0.05)
+        rejected += not next(test for test in found if test.name == "(u2)'e2").passed
+    assert rejected <= binom.ppf(0.999, 400, 0.05)
+
+
 def test_the_verdict_on_a_right_model():
     # The chance that no test fails at 0.05 / 5 is at least 95 %; 100 draws, 0.1 % point.
     from scipy.stats import binom

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -21,7 +21,7 @@ from deatwin.ident.frequency.output_responses.result import NofrfStatus, NofrfWa
 from deatwin.ident.frequency.parts import Orders, Tones
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import one_period, spectrum_of
-from deatwin.ident.frequency.varying.following import followed
+from deatwin.ident.frequency.varying.following import beside, followed
 from deatwin.ident.frequency.varying.moving_parts import Reading, correction
 from deatwin.ident.frequency.varying.response import VaryingResponse
 from deatwin.ident.narx.identifier import Progress
@@ -195,8 +195,35 @@ def _along(
         operating_inputs=inputs,
         models=tuple(models),
         responses=tuple(responses),
-        correct=partial(correction, stable, times, parts, read, some.values.size),
+        correct=partial(_correction, trajectory, times, inputs, stable, parts, read, some.values.size),
     )
+
+
+def _correction(
+    trajectory: ThetaTrajectory,
+    times: Array,
+    inputs: Array,
+    models: Sequence[NarxModel | None],
+    parts: Parts,
+    read: Reading,
+    size: int,
+) -> NDArray[np.complex128]:
+    """Return the correction of a response for the rate at which the trajectory, not only its map, changes."""
+    from scipy.interpolate import make_interp_spline
+
+    known = trajectory.timepts
+    place = np.searchsorted((known[1:] + known[:-1]) / 2, times)
+    level = make_interp_spline(times, inputs, k=1) if times.size > 1 else lambda _: np.broadcast_to(inputs, times.shape)
+    ends = known[np.maximum(place - 1, 0)], known[np.minimum(place + 1, known.size - 1)]
+    before, after = (
+        [
+            None if model is None else beside(trajectory, model, time, about)
+            for model, time, about in zip(models, end.tolist(), level(end).tolist(), strict=True)
+        ]
+        for end in ends
+    )
+    span = (ends[1] - ends[0]) / trajectory.model.sample_time
+    return correction(models, before, after, span, parts, read, size)
 
 
 def checked_times(trajectory: ThetaTrajectory, timepts: ArrayLike | None) -> Array:

@@ -36,6 +36,15 @@ def followed(trajectory: ThetaTrajectory, timepts: Array, inputs: Array) -> Iter
         yield None if found is None else found.model
 
 
+def beside(trajectory: ThetaTrajectory, model: NarxModel, time: float, level: float) -> NarxModel | None:
+    """Return the model at a neighbouring time, about the equilibrium next to that of a followed ``model``."""
+    if model.operating is None:
+        return None
+    about, output = float(model.operating.input_centre[0]), float(model.operating.output_centre[0])
+    found = _step(trajectory, _Frozen(time, about, output, model), time, level)
+    return None if found is None else found.model
+
+
 def hold_equilibrium(
     trajectory: ThetaTrajectory, output: float, operating_input: float | None = None
 ) -> ThetaTrajectory:

@@ -27,6 +27,9 @@ from deatwin.ident.narx.terms import Term, Variable
 
 Array = NDArray[Any]
 Complex = NDArray[np.complex128]
+Models = Sequence[NarxModel | None]
+"""Models of successive times; None where there is none."""
+
 Reading = Callable[[Mapping[int, Jet]], Array | None]
 """Function that takes the result from the parts, shape (n_times, n); None if it is zero."""
 
@@ -63,20 +66,26 @@ class MovingParts:
         return self.parts.filtered(values - memory, part, feedback)
 
 
-def correction(models: Sequence[NarxModel | None], timepts: Array, parts: Parts, read: Reading, size: int) -> Complex:
-    """Return the first-order correction of a response for parameters that change with time, (n_times, n)."""
-    added = np.full((timepts.size, size), np.nan, dtype=np.complex128)
-    step = max(_BLOCK // size, 1)
-    for first in range(0, timepts.size if timepts.size > 1 else 0, step):
-        low, high = max(first - 1, 0), min(first + step + 1, timepts.size)  # a rate of change needs both neighbours
-        block = _added(models[low:high], timepts[low:high], parts, read)
+def correction(
+    models: Models, before: Models, after: Models, span: Array, parts: Parts, read: Reading, size: int
+) -> Complex:
+    """Return the first-order correction of a response for parameters that change with time, (n_times, n).
+
+    At each time, the rates are those between the models just ``before`` and ``after`` it, which lie ``span`` (n_times,)
+    samples apart.
+    """
+    added = np.full((span.size, size), np.nan, dtype=np.complex128)
+    step = max(_BLOCK // (3 * size), 1)
+    for first in range(0, span.size, step):
+        some = slice(first, first + step)
+        block = _added(models[some], before[some], after[some], span[some], parts, read)
         if block is not None:
-            added[first : first + step] = block[first - low : first - low + step]
+            added[some] = block
     return added
 
 
-def _added(models: Sequence[NarxModel | None], timepts: Array, parts: Parts, read: Reading) -> Array | None:
-    found = [None if model is None else deviations(model) for model in models]
+def _added(models: Models, before: Models, after: Models, span: Array, parts: Parts, read: Reading) -> Array | None:
+    found = [None if model is None else deviations(model) for model in (*models, *before, *after)]
     known = [about for about in found if about is not None]
     if not known:
         return None
@@ -86,13 +95,19 @@ def _added(models: Sequence[NarxModel | None], timepts: Array, parts: Parts, rea
         (np.nan, np.nan) if about is None else (about.point.output, float(about.point.operating_input[0]))
         for about in found
     ]
-    samples = timepts / known[0].model.sample_time
-    with np.errstate(invalid="ignore"):  # missing times are NaN
-        frozen = solve_parts(terms, theta, parts, by_theta=False)
-        rates = {part: np.gradient(jet.value, samples, axis=0) for part, jet in frozen.items()}
-        moved = _moved(terms, theta, *np.gradient(np.array(points), samples, axis=0).T)
-        true, still = read(solve_parts(terms, moved, MovingParts(parts, rates), by_theta=False)), read(frozen)
-    return 0.0 * theta[:1].T if true is None or still is None else true - still
+    n = len(models)
+
+    def rate(values: Array) -> Array:
+        """Return the difference quotients of values, shape (3 n, m), in the order of ``found``."""
+        return np.asarray((values[2 * n :] - values[n : 2 * n]) / span[:, None])
+
+    with np.errstate(invalid="ignore", divide="ignore"):  # missing times are NaN, and so is the rate of a single time
+        rates = {part: rate(jet.value) for part, jet in solve_parts(terms, theta, parts, by_theta=False).items()}
+        here = theta[:, :n]
+        moved = _moved(terms, here, *rate(np.array(points)).T)
+        still = read(solve_parts(terms, here, parts, by_theta=False))
+        true = read(solve_parts(terms, moved, MovingParts(parts, rates), by_theta=False))
+    return 0.0 * here[:1].T if true is None or still is None else true - still
 
 
 def _moved(terms: Sequence[Term], theta: Array, output_rate: Array, input_rate: Array) -> Array:

@@ -179,8 +179,9 @@ class VaryingResponse(Described, Frozen):
         """Correction for the rate at which the parameters change, complex, shape (n_times, n_values), in ``unit``.
 
         To first order in this rate, the response of the time-varying model is ``values`` plus the correction. The rate
-        is the difference quotient between neighbouring times of ``timepts``. The correction is NaN if a neighbouring
-        time has no stable equilibrium, or if there is only one time.
+        is the difference quotient between the neighbouring times of the trajectory, even if ``timepts`` are farther
+        apart. The correction is NaN at times without a stable equilibrium, if a neighbouring time of the trajectory has
+        no equilibrium, or if the trajectory has only one time.
         """
         correction = self.correct()
         correction.setflags(write=False)

@@ -66,8 +66,8 @@ class SlidingStatistics(Described, Frozen):
     mean, mean_low, mean_high : ndarray, shape (n_windows,)
         Mean of the output, and lower and upper end of its confidence band, in the output's unit.
     gain, gain_low, gain_high : ndarray, shape (n_windows,)
-        Standard deviation of the output divided by that of the input, and lower and upper end of its confidence band,
-        in output units per input unit. NaN if the input or the output is constant.
+        Standard deviation of the output divided by that of the input, without the bias of a short window, and lower and
+        upper end of its confidence band, in output units per input unit. NaN if the input or the output is constant.
     p_mean, p_gain : float
         p-values of the tests for drift of the mean and of the gain between windows that do not overlap. NaN with fewer
         than two such windows.
@@ -130,7 +130,8 @@ def sliding_mean_and_gain(
     increase the gain.
 
     Each window is divided into ten batches. The scatter of the batch means gives the standard error of the mean. A
-    jackknife over the batches gives the standard error of the logarithm of the gain. The bands use the t distribution
+    jackknife over the batches gives the standard error of the logarithm of the gain, and removes the bias that this
+    logarithm has in a short window, which changes the gain by up to a few per cent. The bands use the t distribution
     with nine degrees of freedom. A correlation r between neighbouring batches, estimated from all windows, widens the
     bands by the factor sqrt((1 + r) / (1 - r)). An analysis of variance tests whether windows that do not overlap
     differ by more than random variation.
