@@ -275,9 +275,12 @@ class Rig(ABC):
         """Smallest rms error of a simulated reading, divided by the standard deviation of the reading."""
         return max(self.model_share, SOLVED)
 
-    def rivals(self) -> tuple[Rig, ...]:
-        """Return the other rig variants that agree with the rig file; by default there are none."""
-        return ()
+    def rivals(self) -> tuple[Self, ...]:
+        """Return the other rig variants that may be meant: by default, one with the reading at the other end of the hold.
+
+        There are none for a model that was written elsewhere, whose simulations are costly.
+        """
+        return (replace(self, reading=self.reading.other_end),) if self.equations_known else ()
 
 
 @contextmanager

@@ -155,11 +155,11 @@ class Diaphragm(Rig):
     def starts_of(self, effects: tuple[Effect, ...]) -> tuple[Parameter, ...]:
         return () if self.start_is_known else memories(self._material, effects)
 
-    def rivals(self) -> tuple[Diaphragm, ...]:
-        """Return the other rig variants: one with the reading taken at the other end of the hold, one with the other
-        contact if the contact is unknown, and one with the other prestretch if the prestretch is unknown.
+    def rivals(self) -> tuple[Self, ...]:
+        """Return the other rig variants: one with the reading at the other end of the hold, one with the other contact if
+        the contact is unknown, and one with the other prestretch if the prestretch is unknown.
         """
-        rivals = [replace(self, reading=self.reading.other_end)]
+        rivals = list(super().rivals())
         if not self.ball_is_known:
             other = "sliding" if self.ball == "bonded" else "bonded"
             rivals.append(replace(self, ball=other))
