@@ -89,6 +89,16 @@ def test_a_sample_time_that_only_the_user_knows(write: Write) -> None:
     assert understand(path, ReadOptions(dt=0.1)).recordings[0].sample_time == 0.1
 
 
+@pytest.mark.parametrize(
+    ("head", "role"), [("time_s,command_V", "output"), ("time_s,displacement_mm", "input"), ("t (s),U (V)", "output")]
+)
+def test_a_file_with_one_signal_lacks_the_other_one(write: Write, head: str, role: str) -> None:
+    path = write("a.csv", f"{head}\n" + "\n".join(f"{0.02 * k:.2f},{k % 7}" for k in range(40)))
+    found = understand(path)
+    said = f"no other column can be the {role}: input and output must be columns of one file"
+    assert said in f"{found.refused} {found.remaining}" and found.placeholders == ()
+
+
 def test_of_tables_side_by_side_each_has_its_own_times(write: Write) -> None:
     """The second one is sampled half as often, and ends earlier in the second file."""
     times = [(0.02 * k, 0.04 * k) for k in range(40)]
