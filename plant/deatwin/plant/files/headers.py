@@ -9,6 +9,8 @@ _IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
 _REMARK = re.compile(r"(.+[)\]])\s*(\([^()\d]*\)|\[[^\[\]\d]*\])")  # behind the unit; with a digit, it may be a factor
 _AMID = re.compile(r"([^()\[\]]+?)\s*(\([^()]*\)|\[[^\[\]]*\])\s+(?!per\b)([^\W_][^()\[\]/]*)")
 """Header with a unit in brackets before its last words: ``HV (kV) monitor``."""
+_TAIL = re.compile(r"([^()\[\]]+?)\s*(\([^()]*\)|\[[^\[\]]*\])([_.#:/]\s*[^()\[\]]+|\d+|\*+)")
+"""Header with a unit in brackets before a mark: ``HV (kV).1``, as pandas numbers equal names, or ``HV[kV]/Value``."""
 _QUOTIENT = re.compile(r"(.+?)_([^\W_]+)_(per_)?([^\W\d_][^\W_]*)")
 _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
 _IN_WORDS = re.compile(r"(.+?)(?:\s+(?:in|en)\s+|\s*,\s*)(\S.*)")
@@ -128,6 +130,10 @@ def _split(header: str) -> tuple[str, str]:
         return f"{found[0]} {match[2]}", found[1]
     if (match := _AMID.fullmatch(header)) and (found := split_unit(f"{match[1]} {match[2]}"))[1]:
         return f"{found[0]} {match[3]}", found[1]
+    if (match := _TAIL.fullmatch(header)) and not find_unit(match[3].lstrip("_.#:/ ")) and not _OF_NODE.match(header):
+        found = _split(f"{match[1]} {match[2]}")
+        if found[1]:
+            return f"{found[0]}{match[3]}", found[1]
     match = _IN_BRACKETS.fullmatch(header)
     return (match[1] if match and _unknown_unit(header) == match[2].strip("()[] ") else header), ""
 

@@ -17,6 +17,13 @@ from deatwin.plant.files.units import UNITS, find_unit
     [
         ("displacement_mm", "displacement", "mm"),
         ("U (in kV)", "U", "kV"),
+        ("HV (kV).1", "HV.1", "kV"),
+        ("HV [kV]#2", "HV#2", "kV"),
+        ("x(mm)2", "x2", "mm"),
+        ("Model/HV[kV]/Value", "Model/HV/Value", "kV"),
+        ("F (N)/m", "F (N)/m", ""),
+        ("V(in)_1", "V(in)_1", ""),
+        ("HV (kV)/1000", "HV/1000", ""),
         ("U [in Volts]", "U", "V"),
         ("p (in Hg)", "p", "inHg"),
         ("torque (in lbf)", "torque", "inch lbf"),
