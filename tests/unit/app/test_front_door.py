@@ -197,6 +197,10 @@ FILES = {
     "blank.csv": "",
     "rates.csv": "t1_s,command_V,t2_s,y\n"
     + "".join(f"{0.02 * k:.2f},{k}" + (f",{0.04 * k:.2f},{k}\n" if k < 20 else ",,\n") for k in range(40)),
+    "aside.csv": "t1_s,command_V,t2_s,displacement_mm\n"
+    + "".join(f"{0.02 * k:.2f},{k % 3},{0.04 * k:.2f},{k % 5}\n" for k in range(40)),
+    "copied.csv": HEADER + "\n" + "".join(2 * f"{0.02 * k:.2f},{k % 3},{k % 5}\n" for k in range(40)),
+    "appended.csv": table() + "time_s,displacement_mm,command_V\n1,2,3\n",
     "series.csv": "time_s,field,value\n" + "".join(f"{0.02 * k:.2f},u,{k}\n{0.02 * k:.2f},y,{k}\n" for k in range(20)),
     "skipped.csv": "Date,time,command_V\n"
     + "".join(f"2024-05-0{1 + 2 * (k > 4)},12:00:0{k},{k % 3}\n" for k in range(10)),

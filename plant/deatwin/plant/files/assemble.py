@@ -124,6 +124,7 @@ def recordings_of(
             raise DataError(fault) from None
         if told is not None and (np.diff(told) <= 0.0).any():
             require_wide(table)
+            _require_no_copies(source, told)
         if times is None or not ticks:
             raise
         offers = ReadOptions(time_column=f"{table.unmistakable(times)}=ms")
@@ -202,6 +203,17 @@ def _on_rows_read(
     within = f" (it changed within {changed} of the {len(kept)})" if changed else ""
     said = f"one row in {every} has a reading: {every} rows became one, with their mean command{within}"
     return found, kept, said
+
+
+def _require_no_copies(source: "_Source", times: Floats) -> None:
+    """Refuse rows of equal times (n,) that are copies of the rows before: no finer clock lies behind them."""
+    again = np.flatnonzero(np.diff(times) == 0.0) + 1
+    pairs = [(values[again - 1], values[again]) for values in source.numbers.values()]
+    if again.size and all(np.array_equal(*pair, equal_nan=True) for pair in pairs):
+        more = f" ({again.size} such rows in all)" if again.size > 1 else ""
+        raise DataError(
+            f"{source.where(int(again[0]))}: the row repeats the one before{more}; remove the repeated rows"
+        )
 
 
 def _is_filled(table: Table, column: int) -> bool:

@@ -152,7 +152,10 @@ def data_columns(
     name = _USUAL[role]
     column = _usual_column(table, name)
     if column is None:
-        raise _no_column(table, name, f"rename that column, or name the {role} column with --{role}-column", offered)
+        advice = f"rename that column, or name the {role} column with --{role}-column"
+        if set(range(len(table.headers))) <= set(busy):
+            advice = f"no other column can be the {role}: input and output must be columns of one file"
+        raise _no_column(table, name, advice, offered)
     return (column,)
 
 

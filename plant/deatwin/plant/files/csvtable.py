@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.csvcells import (
     BLANKS,
+    COMMENT,
     NO_VALUE,
     formula,
     holds_number,
@@ -24,7 +25,7 @@ from deatwin.plant.files.csvcells import (
     is_number,
     split_cells,
 )
-from deatwin.plant.files.csvheader import names_and_units
+from deatwin.plant.files.csvheader import are_units, names_and_units
 from deatwin.plant.files.csvnumbers import si_values
 from deatwin.plant.files.csvtext import (
     decode,
@@ -195,6 +196,10 @@ class CsvTable(Table):
         """Return whether SI values (n,) are finite, and none marks an overflow."""
         return bool(np.isfinite(values).all() and (np.abs(values) <= self.largest(column)).all())
 
+    def _is_head(self, cell: str) -> bool:
+        """Return whether a cell is one of a header: a name of this table, or a name with a unit."""
+        return cell in self.headers or split_unit(cell)[1] != ""
+
     def _dated(self, column: int) -> bool:
         """Return whether a column holds dates or times of day."""
         return column in self.scales and self.scales[column].texts
@@ -302,6 +307,8 @@ class CsvTable(Table):
                     return DataError(
                         f'{place}: "{clipped(cell)}" has a thousands separator; write it as {clipped(bare)}'
                     )
+                if not holds_number(row) and len(row) > 1 and any(map(self._is_head, row)):
+                    return _another_header(self.where(sample))
                 if not is_number(cell.replace(",", ".")):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number{_advice(cell)}')
                 if not np.isfinite(number := np.array(float(cell.replace(",", ".")))):
@@ -331,9 +338,14 @@ def _advice(cell: str) -> str:
     """Return advice for a cell that is no number; empty if there is none."""
     if re.search(r"\d:\d\d", cell):
         return "; write a date as in 2024-05-01 12:00:00.25, and a time of day as in 12:00:00.25"
-    if re.fullmatch(r"[-+]?[\d.,]*\d\s?[^\W\d_].{0,5}", cell):
+    if re.fullmatch(r"[-+]?[\d.,]*\d\s?(?:[^\W\d_]|[%‰°]).{0,5}", cell):
         return "; write only numbers in the rows, and the unit, with its prefix, in the header"
     return "" if re.search(r"\d", cell) else "; if it marks a missing value, leave the cell empty"
+
+
+def _another_header(where: str) -> DataError:
+    """Return the error of names or units below samples, which differ from those above."""
+    return DataError(f"{where}: another header begins here; give each part of the file a file of its own")
 
 
 def _is_absent(cell: str) -> bool:
@@ -405,6 +417,10 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
     whole = "".join(lines)  # one search of the whole text is quicker than a test of each line
     if any(mark in whole for mark in ("#", "%", "//")):
         kept = [k for k, line in enumerate(lines) if not is_comment(line)]
+        for k in set(range(kept[0], kept[-1])).difference(kept) if kept else ():
+            cells = split_cells(COMMENT.sub("", lines[k], count=1), layout.delimiter)
+            if len(cells) == len(headers) > 1 and are_units(cells) and lines[k] not in above:
+                raise _another_header(f"{name}, row {rows[k]}")
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
     # A logger that is started again repeats its header; without times the runs could not be told apart.
     if layout.head and header in lines and any(map(_is_time, names, units)):

@@ -358,7 +358,9 @@ def _no_layout(lines: list[str], rows: Sequence[int], delimiter: str, path: str)
         return DataError(f"{path}, row {rows[0]}: there is no header; {advice}")
     width = _width(lines, delimiter) if delimiter != BLANKS else 0
     before = [k for k in range(1, len(cells)) if numeric[k] and not numeric[k - 1]]
-    k = next((k for k in before if len(cells[k]) >= width), before[-1])
+    wide = [k for k in before if len(cells[k]) >= width] or before[-1:]
+    ends = [next((n for n in range(k, len(cells)) if not numeric[n]), len(cells)) for k in wide]
+    k = max(zip(wide, ends, strict=True), key=lambda run: run[1] - run[0])[0]  # the samples are the longest run
     header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
     commas = delimiter == "," and len(cells[k]) > len(header) and "." not in lines[k]
     advice = grouped(lines[k], delimiter) or (

@@ -9,6 +9,8 @@ _IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
 _REMARK = re.compile(r"(.+[)\]])\s*(\([^()\d]*\)|\[[^\[\]\d]*\])")  # behind the unit; with a digit, it may be a factor
 _AMID = re.compile(r"([^()\[\]]+?)\s*(\([^()]*\)|\[[^\[\]]*\])\s+(?!per\b)([^\W_][^()\[\]/]*)")
 """Header with a unit in brackets before its last words: ``HV (kV) monitor``."""
+_TAIL = re.compile(r"([^()\[\]]+?)\s*(\([^()]*\)|\[[^\[\]]*\])([_.#:/]\s*[^()\[\]]+|\d+|\*+)")
+"""Header with a unit in brackets before a mark: ``HV (kV).1``, as pandas numbers equal names, or ``HV[kV]/Value``."""
 _QUOTIENT = re.compile(r"(.+?)_([^\W_]+)_(per_)?([^\W\d_][^\W_]*)")
 _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
 _IN_WORDS = re.compile(r"(.+?)(?:\s+(?:in|en)\s+|\s*,\s*)(\S.*)")
@@ -25,10 +27,23 @@ _TIME_WORD = re.compile(r"millis|micros|nanos|[mun]s|[mun]?secs?|(?:milli|micro|
 """Header that is only a unit of time. s, min and h are excluded: alone they may mean distance, minimum and height."""
 _UNIT_ALONE = re.compile(r"(?:in\s+)?(\(.*\)|\[.*\]|(?<=\s)\S+)")
 """Header without a name, of which brackets or the word *in* say that it is a unit: ``[s]``, ``in s``."""
+_OTHER_BRACKETS = re.compile(r"(.*\S)\s*(?:\{([^{}]+)\}|<([^<>]+)>)")
+_APART = re.compile(
+    r"((?:.*\s)?[^\W\d]\S*)\s+((?:[munpkMGc]|[µμ])(?:m|V|A|N|Pa|Hz|F|W|J|[Oo]hm|Ω|bar|g)|Hz|rpm|psi|[°º][CF]|℃|%)"
+)
+"""Header with a unit behind a blank; only units that are no words and no endings of names, as ``V`` in *Phase V*."""
 _DOUBTFUL = re.compile("F|l|(?i:in|ft|foot|feet|yd|dm|kp|dyn|kip|ksi|turns?)")
 """Units recognised in brackets only, because names have these endings, too: of forces and lengths, ``u_in``, ``kp``."""
 _OF_NODE = re.compile(r"(?:[vV]\((?![mnuk]?V\))|[iI]\((?![mnpuk]?A\)))\w+\)")
 """Voltage of a node or current of a part, as circuit simulators name them: ``V(in)`` is in no inches."""
+_POWER = r"(?:1[eE][-+]?\d+|10\s?(?:\^|\*\*)\s?\(?[-+]?\d+\)?|10[⁺⁻]?[⁰¹²³⁴-⁹]+|10+(?![\d.]))"
+_FACTOR = re.compile(
+    rf"(?:(?<=[\s_)\]])[xX]|(?<=.)[×*·⋅])\s?{_POWER}|[×*·⋅]\s?\d[\d.]*|(?<=[\s_)\]])[xX]\s?\d{{3,}}|(?<=[^\W\d_])x10{{2,}}(?!\d)"
+    rf"|(?<![\w.]){_POWER}\s?[×*·⋅]|(?<![\w.])10+[xX×](?!\w)"
+    rf"|(?<![\d.])1\s?[:/]\s?10+(?!\d)|(?<!\d)10+\s?:\s?1(?!\d)|(?<=[^\d\s])\s?/\s?{_POWER}"
+)
+"""Factor in the name of a column, of which nobody knows whether it was applied: ``HV x1000``, ``U/100``, ``1:1000``."""
+_RATIO = re.compile(r"(?<![\d.])\d[\d.]*\s?([^\W\d_]+)\s?(/|=|\bper\b)\s?(?:\d[\d.]*\s?)?([^\W\d_]+)")
 TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _LIKE_TIME = re.compile("(?i)time|stamp|clock|zeit|elapsed|temps|tiempo")
 _NO_QUANTITIES = frozenset({"counts"})  # Words before a slash that belong to an unknown unit, as in ``counts/s``
@@ -59,8 +74,35 @@ _ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
 
 
 def split_unit(header: str) -> tuple[str, str]:
-    """Return name and unit of a column header; the unit is empty if it is unknown or may belong to the name."""
+    """Return name and unit of a column header; the unit is empty if it is unknown or may belong to the name.
+
+    It is unknown beside a factor: readings of ``HV x1000 (V)`` may be those of the monitor, or of the high voltage.
+
+    >>> split_unit("HV (kV)"), split_unit("HV x1000 (V)")
+    (('HV', 'kV'), ('HV x1000', ''))
+    """
+    name, unit = _split(header)
+    return name, "" if _factor(name, header) else unit
+
+
+def _factor(name: str, header: str) -> str:
+    """Return the factor in the name of a column, or the scale of its monitor, such as ``1 V = 1 kV``; else an empty text."""
+    name = header if name.endswith("per") else name  # what seems to be the unit ends a scale, as in 1kV_per_V
+    if match := _FACTOR.search(name):
+        return match[0].strip(" _")
+    for match in _RATIO.finditer(name.replace("_", " ")):
+        above, below = (UNITS[find_unit(part)].si for part in (match[1], match[3]))
+        electric = ("V", "A")
+        if above and below and (below in electric or (above in electric and match[1] != "kV")):
+            return match[0]
+    return ""
+
+
+def _split(header: str) -> tuple[str, str]:
+    """Return name and unit of a column header, whatever else its name says."""
     header = header.translate(FULL_WIDTH)
+    if (match := _OTHER_BRACKETS.fullmatch(header)) and find_unit(said := match[2] or match[3]):
+        header = f"{match[1]} [{said}]"
     if _OF_NODE.fullmatch(header):
         return header, ""
     match = _QUOTIENT.fullmatch(header)
@@ -76,6 +118,8 @@ def split_unit(header: str) -> tuple[str, str]:
         unit = find_unit(match[2])
         if unit and not (form is _DIVIDED and _is_rate(match[1], unit)):
             return match[1], for_name(match[1], unit)
+    if (match := _APART.fullmatch(header)) and (unit := find_unit(match[2])):
+        return match[1], for_name(match[1], unit)
     if match := _TIMES.fullmatch(header):
         return match[1], find_unit((match[2] or match[3]).lower())
     if _TIME_WORD.fullmatch(header):
@@ -86,8 +130,12 @@ def split_unit(header: str) -> tuple[str, str]:
         return f"{found[0]} {match[2]}", found[1]
     if (match := _AMID.fullmatch(header)) and (found := split_unit(f"{match[1]} {match[2]}"))[1]:
         return f"{found[0]} {match[3]}", found[1]
+    if (match := _TAIL.fullmatch(header)) and not find_unit(match[3].lstrip("_.#:/ ")) and not _OF_NODE.match(header):
+        found = _split(f"{match[1]} {match[2]}")
+        if found[1]:
+            return f"{found[0]}{match[3]}", found[1]
     match = _IN_BRACKETS.fullmatch(header)
-    return (match[1] if match and said_unit(header) == match[2].strip("()[] ") else header), ""
+    return (match[1] if match and _unknown_unit(header) == match[2].strip("()[] ") else header), ""
 
 
 def _is_doubtful(form: re.Pattern[str], unit: str) -> bool:
@@ -109,7 +157,7 @@ def for_name(name: str, unit: str) -> str:
         unit = "°F"
     if unit == "°C" and (_DIFFERENCE.match(name) or _CHANGE.match(name) or _MINUS.fullmatch(name.strip())):
         return "Δ°C"
-    return "gn" if unit == "g" and _ACCELERATION.match(name) else unit
+    return unit + "n" if unit in ("g", "mg", "ug") and _ACCELERATION.match(name) else unit
 
 
 def without_unit(header: str, unit: str) -> str:
@@ -118,7 +166,9 @@ def without_unit(header: str, unit: str) -> str:
     forms = [rf"(.+?)\s*(?:\(\s*{own}\s*\)|\[\s*{own}\s*\])"]
     if unit not in ("", "1"):  # speed_1 may be the first of several speeds
         forms += [rf"(.+?)\s*_{own}", rf"(.+?)\s+in\s+{own}"]
-    return next((match[1] for form in forms if (match := re.fullmatch(form, header))), "")
+    return next(
+        (match[1] for form in forms if (match := re.fullmatch(form, header)) and not _factor(match[1], header)), ""
+    )
 
 
 def said_unit(header: str) -> str:
@@ -126,7 +176,19 @@ def said_unit(header: str) -> str:
 
     >>> said_unit("count [lines/min]"), said_unit("command_Mv"), said_unit("U_cmd"), said_unit("x (1)")
     ('lines/min', 'Mv', '', '')
+    >>> said_unit("HV x1000 (V)"), said_unit("U(V)*1000"), said_unit("HV, 1 kV/V")
+    ('x1000 V', '*1000 V', '1 kV/V')
     """
+    name, unit = _split(header)
+    if factor := _factor(name, header):
+        at = header.find(factor)
+        rest = header[:at].rstrip(" _(") + header[at + len(factor) :].lstrip(" _)") if at >= 0 else ""
+        return factor if _RATIO.fullmatch(factor) else f"{factor} {unit or _split(rest)[1]}".strip()
+    return _unknown_unit(header)
+
+
+def _unknown_unit(header: str) -> str:
+    """Return the unit in a header as written, if it is unknown and no factor stands beside it; else an empty text."""
     for form in () if _OF_NODE.fullmatch(header) else _FORMS:
         if match := form.fullmatch(header.translate(FULL_WIDTH)):
             said = match[2].strip("()[] ")

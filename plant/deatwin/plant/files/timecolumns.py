@@ -59,11 +59,19 @@ def time_column(
     if len(found) > 1 and found == timed:  # some of them may be durations
         found = [column for column in found if holds_times(table, column) or _breaks_off(table, column)] or found
     if len(found) > 1 and needed and not _equal(table, found):
+        own = {max((k for k in found if k < column), default=found[0]) for column in taken}  # each before its signals
+        if len(own) == 1 and len({table.headers[column] for column in found}) == 1:
+            return own.pop(), table.units[found[0]]  # of one of several tables side by side
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
+        apart = "so input and output may have clocks of their own; interpolate one to the times of the other, and remove its times"
         if any(_breaks_off(table, column) for column in found):
             raise DataError(
-                f"{table.path}: the columns {listed} hold different times, and one of them ends before the others, so input and output "
-                "may have clocks of their own; interpolate one to the times of the other, and remove its times"
+                f"{table.path}: the columns {listed} hold different times, and one of them ends before the others, {apart}"
+            )
+        if len(own) > 1:
+            raise DataError(
+                f"{table.path}: each of the columns {listed} may hold the times, and they differ, {apart}; or name the column "
+                "with the times of both: --time-column"
             )
         one = ReadOptions(time_column=table.unmistakable(next((k for k in found if holds_times(table, k)), found[0])))
         raise DataError(

@@ -13,6 +13,7 @@ from deatwin.plant.files.dates import is_date
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import recordings_of_table, table_of_file
 from deatwin.plant.files.timecolumns import likely_times, time_column
+from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.files.wanted import split_stated, with_stated_units
 from deatwin.plant.readings import Reading
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
@@ -92,7 +93,8 @@ def understand(path: str | Path, asked: ReadOptions = NO_OPTIONS, readings: Sequ
 
 def _unread(table: Table, found: Understood, remaining: str) -> Understood:
     """Describe a file that cannot be read, unless only its sample time is missing."""
-    if found.asked.dt is None:
+    timed = (k for k in likely_times(table, set()) if LIKE_TIMES.search(table.names[k]) or table.unit(k).si == "s")
+    if found.asked.dt is None and next(timed, None) is None:
         try:
             _read(table, replace(found.asked | found.further, dt=1.0))
         except DataError:

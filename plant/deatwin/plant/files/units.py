@@ -103,7 +103,8 @@ _SYMBOLS = {
     "rev": Unit("rad", 2 * math.pi),
     **_scaled("Hz", "mkMG"),
     **_scaled("kg", "munk", "g", 1, 1e3),
-    **_scaled("N", "munkM"),
+    **_scaled("N", "mcunkM"),
+    "daN": Unit("N", 10),
     **_scaled("N", "mk", "gf", _GRAVITY, 1e3),
     "lbf": Unit("N", _POUND_FORCE),
     "ozf": Unit("N", _POUND_FORCE, 16),
@@ -125,7 +126,7 @@ _SYMBOLS = {
     "°C": Unit("K", shift=273.15),
     "Δ°C": Unit("K"),
     "°F": Unit("K", 5, 9, shift=459.67),
-    "gn": Unit("m/s2", _GRAVITY),
+    **_scaled("m/s2", "mu", "gn", _GRAVITY),
     "mph": Unit("m/s", 44704, 1e5),
     "rpm": Unit("rad/s", math.pi, 30),
     "%": Unit("1", 1, 1e2),
@@ -328,6 +329,7 @@ _OTHER_SPELLINGS = {
     "delta C": "Δ°C",
     "delta °C": "Δ°C",
     "delta K": "K",
+    "°K": "K",
     "ΔK": "K",
     "°": "deg",
     "rev/min": "rpm",
@@ -389,7 +391,7 @@ _TEN_TO = re.compile(
 """Unit behind a power of ten, such as ``10^-3 m``, ``10⁻³ m`` or ``1e-3 m``."""
 _RAISED = re.compile("10([⁺⁻]?[⁰¹²³⁴-⁹]+)")
 _DIRECT = re.compile(r"(?<=[VA])\s*(?:DC|dc)$")  # Behind the unit of a direct voltage or current
-FULL_WIDTH = str.maketrans("（）［］", "()[]")  # Brackets among Chinese and Japanese characters
+FULL_WIDTH = str.maketrans("（）［］【】", "()[][]")  # Brackets among Chinese and Japanese characters
 
 
 def find_unit(text: str) -> str:
@@ -401,6 +403,8 @@ def find_unit(text: str) -> str:
     bare = _DIRECT.sub("", bare)
     if bare in _SYMBOLS:
         return bare
+    if in_brackets and bare.startswith("in ") and (unit := find_unit(bare[3:])) not in ("", "lbf", "ozf"):
+        return unit  # in lbf may be a torque
     match = _TEN_TO.fullmatch(" ".join(bare.split()))
     if match and (in_brackets or match["base"][0:2] == "10"):  # without brackets, 1e-3 m is a reading
         return _with_power(int(match["power"].replace("−", "-")), find_unit(match["unit"]))
@@ -434,6 +438,7 @@ def _with_power(power: int, unit: str) -> str:
 def _spelled(symbol: str) -> str:
     """Return a symbol in deatwin's spelling."""
     symbol = re.sub("Ohms?$", "ohm", symbol)
+    symbol = re.sub("(?<=^[munk])(?i:(v)olts?|(a)mps?)$", lambda match: match[0][0].upper(), symbol)
     word = symbol.lower()
     found = _SPELLED_OUT.get(word) or _SPELLED_OUT.get(word.removesuffix("s"))
     return found or _OTHER_SPELLINGS.get(symbol, symbol)

@@ -27,10 +27,9 @@ def require_known_units(table: Table, columns: Sequence[int]) -> None:
                 f'state which is meant: "{place}=degC" or "{place}=coulomb"'
             )
         if column not in table.wanted and is_misspelt(said):
-            known = [unit for unit in UNITS if unit not in ("", "C")]
             raise DataError(
                 f'{table.path}: the column "{table.shown(column)}" is in "{clipped(said)}", which is not a known unit'
-                f"{nearest(said, known)} (capitals count; known are {', '.join(known)})"
+                f"{nearest(said, [unit for unit in UNITS if unit.lower() == said.lower()])} (capitals count)"
             )
 
 
@@ -73,11 +72,13 @@ def _scaled(unit: str) -> list[str]:
 
 
 def _may_be(count: str, angle: str) -> bool:
-    """Return whether a number per time, such as 1/min, may mean turns or radians per time."""
+    """Return whether a number per time, such as 1/min, may mean turns or radians per time, or a mass its weight."""
     own, said = UNITS[count], UNITS[angle]
+    size = said.numerator * own.denominator / (said.denominator * own.numerator)
+    if own.si == "kg" and said.si == "N":
+        return math.isclose(size, UNITS["gn"].numerator, rel_tol=1e-9)
     if not same_kind(own.si, "1/s") or said.si != "rad/s":
         return False
-    size = said.numerator * own.denominator / (said.denominator * own.numerator)
     counts = (2.0 * math.pi,) if count.endswith("Hz") else (1.0, 2.0 * math.pi)  # a hertz counts turns
     return any(math.isclose(size, one, rel_tol=1e-9) for one in counts)
 

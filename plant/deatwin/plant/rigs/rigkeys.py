@@ -85,6 +85,8 @@ _MG = (("in mg", 1e-3, 0.0),)
 _KV = (("in kV a volt", 1e3, 0.0),)
 _MS = (("in ms", 1e-3, 0.0),)
 _MV = (("in mV", 1e-3, 0.0),)
+_UA = (("in A", 1e6, 0.0), ("in mA", 1e3, 0.0))
+_MOHM = (("in ohm", 1e-6, 0.0), ("in kohm", 1e-3, 0.0))
 _STRETCH = (("a strain", 1.0, 1.0), ("a strain in %", 0.01, 1.0))
 
 HIGHEST_FILM_VOLTAGE = 30e3  # V; no amplifier for these actuators gives more
@@ -142,7 +144,13 @@ DRIVE: Keys = {
         field="command_max", lower=-1e5, upper=1e5, required=False, slips=_MV, about="what the drive may give"
     ),
     "current_limit_uA": NumberKey(
-        field="current_limit", lower=1e-3, upper=1e9, per_si=1e6, required=False, about="largest current into the film"
+        field="current_limit",
+        lower=1e-3,
+        upper=1e9,
+        per_si=1e6,
+        required=False,
+        slips=_UA,
+        about="largest current into the film",
     ),
     "sink_current_uA": NumberKey(
         field="sink_current",
@@ -153,10 +161,22 @@ DRIVE: Keys = {
         about="largest current out of it: 0 for a converter that cannot sink; the limit above if left out",
     ),
     "series_resistance_Mohm": NumberKey(
-        field="series_resistance", lower=1e-6, upper=1e9, per_si=1e-6, required=False, about="between drive and film"
+        field="series_resistance",
+        lower=1e-6,
+        upper=1e6,
+        per_si=1e-6,
+        required=False,
+        slips=_MOHM,
+        about="between drive and film",
     ),
     "bleed_resistance_Mohm": NumberKey(
-        field="bleed_resistance", lower=1e-3, upper=1e9, per_si=1e-6, required=False, about="across the film"
+        field="bleed_resistance",
+        lower=1e-3,
+        upper=1e6,
+        per_si=1e-6,
+        required=False,
+        slips=_MOHM,
+        about="across the film",
     ),
     "parallel_capacitance_pF": NumberKey(
         field="parallel_capacitance", lower=0.0, upper=1e9, per_si=1e12, required=False, about="across the film"

@@ -57,6 +57,7 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
         name = mistake.line_of[-1]
         if (
             len(mistake.meant) == len(mistake.line_of) == 1
+            and mistake.meant[0] in table
             and mistake.meant[0] not in data
             and isinstance(data[name], Mapping)
         ):
@@ -165,7 +166,7 @@ def _outside(name: str, data: Mapping[str, Any], table: Mapping[str, Keys]) -> I
     if inside:
         return
     for section, keys in table.items():
-        if name in keys:
+        if name in keys and not isinstance(data[name], Mapping):
             yield Mistake(
                 text=f'the key "{name}" stands outside the sections; it belongs in [{section}]',
                 line_of=(name,),

@@ -172,7 +172,10 @@ def test_a_fill_value_of_hdf5_is_no_reading(tmp_path: Path, attribute: str) -> N
     assert sum(r.n_samples for r in read_experiment([tmp_path / "r.h5"], allow_gaps=True).recordings) == N - 1
 
 
-@pytest.mark.parametrize("attribute", ["gain", "Scale", "offset_mm", "volts_per_count"])
+@pytest.mark.parametrize(
+    "attribute",
+    ["gain", "Scale", "offset_mm", "volts_per_count", "mm_per_unit", "calibration", "LSB", "probe_attenuation"],
+)
 @pytest.mark.parametrize("kind", [int, float])
 def test_numbers_in_an_unknown_scale_are_refused(tmp_path: Path, attribute: str, kind: type) -> None:
     h5py = pytest.importorskip("h5py")
@@ -186,6 +189,21 @@ def test_numbers_in_an_unknown_scale_are_refused(tmp_path: Path, attribute: str,
     with h5py.File(tmp_path / "r.h5", "r+") as file:
         del file["run/displacement"].attrs[attribute]
     assert read_recording(tmp_path / "r.h5").outputs[0, 2] == 2e-3
+
+
+@pytest.mark.parametrize(
+    ("said", "refused"), [("1000 V/V", True), (b"1e3", True), ("1", False), ("high", False), ("2024-05-01", False)]
+)
+def test_a_scale_may_be_written_as_text(tmp_path: Path, said: str | bytes, refused: bool) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["time_s"], file["displacement_mm"], file["command"] = TIME, COMMAND, COMMAND
+        file["command"].attrs.update({"units": "V", "gain": said})
+    if not refused:
+        np.testing.assert_array_equal(read_recording(tmp_path / "r.h5").inputs[0], COMMAND)
+        return
+    with pytest.raises(DataError, match='"command" is in V, and its attribute "gain" is 1000, which is not applied'):
+        read_recording(tmp_path / "r.h5")
 
 
 TEXTS = {"text": str, "bytes": np.bytes_, "list of one": lambda unit: np.array([unit.encode()])}

@@ -126,11 +126,37 @@ class TestRefused:
                 r"row 2: the row has 2 cells separated by comma, but the header in row 1 has 1",
             ),
             ([HEADER, "0.00,1,1e", *LINES[1:]], r'row 2, column "displacement_mm": "1e" is not a number'),
+            (
+                ["Title,run 3", "Ratio,,1.0,1.0", "Unit,s,V,mm", "Data,,,", *(f",{line}" for line in LINES)],
+                "row 5: the row has 4 cells separated by comma, but the header in row 4 has 1; each column needs a name",
+            ),
+            (
+                ["time_s,command_V,displacement_mm", *(f"{0.02 * k:.2f},{k}%,0" for k in range(9))],
+                '"0%" is not a number; write only numbers in the rows',
+            ),
         ],
     )
     def test_what_can_be_read_in_two_ways(self, write, lines: list[str], message: str) -> None:
         with pytest.raises(DataError, match=message):
             read_recording(write(lines))
+
+    @pytest.mark.parametrize(
+        "second",
+        [
+            ["time_s,displacement_mm,command_V"],
+            ["time_s,command_V,displacement_um"],
+            ["", "# s,V,um"],
+        ],
+    )
+    def test_another_header_below_samples_is_refused(self, write, second: list[str]) -> None:
+        """It may swap the columns or change a unit."""
+        first = [f"{0.02 * k:.2f},{k % 3},{k % 5}" for k in range(20)]
+        after = [f"{0.02 * k:.2f},{k % 3},{k % 5}" for k in range(20, 40)]
+        row = len(first) + len(second) + 1
+        with pytest.raises(DataError, match=f"row {row}: another header begins here; give each part"):
+            read_recording(write([HEADER, *first, *second, *after]))
+        found = read_recording(write([HEADER, *first, "# valve, opened", *after]))
+        assert found.n_samples == 40
 
 
 class TestDescription:
@@ -174,7 +200,9 @@ def test_format_that_cannot_be_written(tmp_path: Path) -> None:
 def test_letters_of_latin_1_are_no_chinese(tmp_path: Path, name: str) -> None:
     path = tmp_path / "r.csv"
     path.write_bytes(f"time_s;command_V;{name}\n0;0;1\n1;1;2\n".encode("latin-1"))
-    assert read_recording(path, output_column=name).output_names == (name,)
+    found = read_recording(path, output_column=name)
+    micro = name.endswith(" µm")  # a unit behind a blank
+    assert (found.output_names, found.output_units) == ((name.removesuffix(" µm"),), ("m" if micro else "",))
 
 
 @pytest.mark.parametrize("unit", ["mm", "degC"])

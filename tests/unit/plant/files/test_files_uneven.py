@@ -135,3 +135,15 @@ def test_a_clock_that_needs_gaps_is_offered_with_them(tmp_path: Path) -> None:
         read_recordings(path, **BY_NAME)
     (step,) = re.findall(r"--resample (\S+) --allow-gaps, in Python resample=\S+, allow_gaps=True", str(told.value))
     assert len(read_recordings(path, resample=float(step), allow_gaps=True, **BY_NAME)) == 2
+
+
+@pytest.mark.parametrize("every", [True, False])
+def test_copies_of_rows_are_no_finer_clock(tmp_path: Path, every: bool) -> None:
+    rows = [f"{STEP * k:.2f},{k % 7},{k % 5}" for k in range(40)]
+    head = ["time_s,command_V,displacement_mm"]
+    copied = [row for k, row in enumerate(rows) for _ in range(2 if every or k == 9 else 1)]
+    (tmp_path / "r.csv").write_text("\n".join([*head, *copied, ""]), encoding="utf-8")
+    said = r"row 3: .* \(40 such rows in all\)" if every else r"row 12: the row repeats the one before"
+    with pytest.raises(DataError, match=f"{said}; remove the repeated rows$") as caught:
+        read_recording(tmp_path / "r.csv")
+    assert not caught.value.offers

@@ -76,6 +76,18 @@ def test_several_sheets(tmp_path: Path) -> None:
         read_recording(tmp_path / "other.xlsx#Sheet", **ASKED)
 
 
+def test_a_hidden_sheet_is_read_only_by_name(tmp_path: Path) -> None:
+    path = book(tmp_path / "rec.xlsx", dates=False)
+    made = openpyxl.load_workbook(path)
+    made["empty"].title = "old"
+    for row in (("time_s", "U (V)", "z", "x (mm)"), *[(k, k, 0, 5 * k) for k in range(9)]):
+        made["old"].append(row)
+    made["old"].sheet_state = "hidden"
+    made.save(path)
+    np.testing.assert_array_equal(read_recording(path, **ASKED).outputs, [[0.0, 0.001, 0.002, 0.003]])
+    assert read_recording(f"{path}#old", **ASKED).n_samples == 9
+
+
 def test_times_of_day_go_on_past_midnight(tmp_path: Path) -> None:
     made = openpyxl.Workbook()
     made.active.append(["Time", "U (V)", "remark", "x (mm)"])

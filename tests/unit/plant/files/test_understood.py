@@ -89,6 +89,32 @@ def test_a_sample_time_that_only_the_user_knows(write: Write) -> None:
     assert understand(path, ReadOptions(dt=0.1)).recordings[0].sample_time == 0.1
 
 
+@pytest.mark.parametrize(
+    ("head", "role"), [("time_s,command_V", "output"), ("time_s,displacement_mm", "input"), ("t (s),U (V)", "output")]
+)
+def test_a_file_with_one_signal_lacks_the_other_one(write: Write, head: str, role: str) -> None:
+    path = write("a.csv", f"{head}\n" + "\n".join(f"{0.02 * k:.2f},{k % 7}" for k in range(40)))
+    found = understand(path)
+    said = f"no other column can be the {role}: input and output must be columns of one file"
+    assert said in f"{found.refused} {found.remaining}" and found.placeholders == ()
+
+
+def test_of_tables_side_by_side_each_has_its_own_times(write: Write) -> None:
+    """The second one is sampled half as often, and ends earlier in the second file."""
+    times = [(0.02 * k, 0.04 * k) for k in range(40)]
+    rows = [f"{a:.2f},{k % 7},{k % 5},,{b:.2f},{k % 3},{k % 4}" for k, (a, b) in enumerate(times)]
+    head = "t (s),U (V),x (mm)"
+    path = write("a.csv", "\n".join([f"{head},,{head}", *rows]))
+    for places, step in ((("#2", "#3"), 0.02), (("#6", "#7"), 0.04)):
+        (record,) = read_recordings(path, input_column=places[0], output_column=places[1])
+        assert record.sample_time == step
+    found = understand(path, ReadOptions(input_column="#2", output_column="#7"))
+    assert "may have clocks of their own" in found.remaining or "may have clocks of their own" in found.refused
+    assert found.recordings == () and "--dt" not in found.options and "--time-column" not in found.options
+    path = write("b.csv", "\n".join([f"{head},,{head}", *rows[:20], *(row.split(",,")[0] for row in rows[20:])]))
+    assert read_recordings(path, input_column="#2", output_column="#3")[0].n_samples == 40
+
+
 def test_a_sample_time_in_one_cell_is_passed_over_beside_a_stated_one(write: Write) -> None:
     path = write("a.csv", "u,y,Ts\n0.1,0.2,4\n" + "\n".join(f"{np.sin(k):.4f},{np.cos(k):.4f}," for k in range(40)))
     (record,) = read_recordings(path, input_column="u", output_column="y", dt=4.0)

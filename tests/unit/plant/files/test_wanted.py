@@ -252,6 +252,69 @@ def test_a_ratio_in_a_header_is_no_volt(tmp_path: Path) -> None:
         read_recording(tmp_path / "r.csv", input_column="#2", input_unit="V")
 
 
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("HV x1000 (V)", "x1000 V"),
+        ("HV*1000 [V]", "*1000 V"),
+        ("HV_V_x1000", "x1000 V"),
+        ("U(V)*1000", "*1000 V"),
+        ("HV/1000 (V)", "/1000 V"),
+        ("U (V) 1/1000", "1/1000 V"),
+        ("HV 1:1000 (V)", "1:1000 V"),
+        ("Probe 1000X [V]", "1000X V"),
+        ("1e3*U (V)", "1e3* V"),
+        ("Monitor 1V/kV (V)", "1V/kV"),
+        ("Monitor 1V=1kV", "1V=1kV"),
+        ("HV_mon_1kV_per_V", "1kV per V"),
+    ],
+)
+def test_beside_a_factor_in_its_name_the_unit_of_a_column_is_to_be_stated(
+    tmp_path: Path, header: str, said: str
+) -> None:
+    """Nobody knows whether the factor was applied to the numbers."""
+    rows = [f"{0.02 * k:.2f},{k % 7},{k % 5}" for k in range(40)]
+    (tmp_path / "r.csv").write_text("\n".join([f"time_s,{header},displacement_mm", *rows, ""]), encoding="utf-8")
+    with pytest.raises(DataError, match=rf"is in {re.escape(said)}, but the model needs it in V; .*state"):
+        read_recording(tmp_path / "r.csv", input_column="#2", input_unit="V")
+    for unit, largest in (("V", 6.0), ("kV", 6e3)):
+        assert read_recording(tmp_path / "r.csv", input_column=f"#2={unit}", input_unit="V").inputs[0, 6] == largest
+    found = read_recording(tmp_path / "r.csv", input_column="#2")
+    assert found.inputs[0, 6] == 6.0 and found.input_units == (said,)
+
+
+@pytest.mark.parametrize(
+    ("header", "unit"),
+    [
+        ("x10 (mm)", "mm"),
+        ("pos x2 (mm)", "mm"),
+        ("F at 5 mm/min (N)", "N"),
+        ("C at 3 kV/mm (pF)", "pF"),
+        ("CH1/2 (V)", "V"),
+        ("T 10:15 (K)", "K"),
+        ("2*pi*f (rad/s)", "rad/s"),
+        ("sensor_100_mm", "mm"),
+        ("Dev1/ai10 (V)", "V"),
+        ("10kHz noise (V)", "V"),
+    ],
+)
+def test_not_every_number_in_a_name_is_a_factor(header: str, unit: str) -> None:
+    assert split_unit(header)[1] == unit
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "newtons"),
+    [("Force (g)", "gf", 9.80665e-3), ("Load [kg]", "kgf", 9.80665)],
+)
+def test_a_mass_may_be_said_to_be_its_weight(tmp_path: Path, header: str, unit: str, newtons: float) -> None:
+    path = written(tmp_path, header)
+    with pytest.raises(DataError, match=rf'state the unit that is meant: "{re.escape(header)}={unit}"'):
+        read(path, header, "N")
+    np.testing.assert_allclose(read(path, f"#3={unit}", "N")[2], newtons * np.array([1.0, 2.0, -3.0]), rtol=1e-14)
+    with pytest.raises(DataError, match='is said to be in lbf; remove "=lbf"'):
+        read(path, "#3=lbf", "N")
+
+
 def test_a_sensitivity_gives_way_to_the_unit_that_a_user_states(tmp_path: Path) -> None:
     rows = [f"{0.02 * k:.2f},{k % 7},{k % 5}" for k in range(40)]
     (tmp_path / "r.csv").write_text("\n".join(["time_s,command_V,laser (mm/V)", *rows, ""]), encoding="utf-8")

@@ -113,6 +113,27 @@ def test_a_kind_under_another_name_is_the_kind(name: str) -> None:
     assert str(caught.value) == f'a rig: unknown key "{name}"; did you mean "kind"?'
 
 
+@pytest.mark.parametrize("name", ["reading", "readngs"])
+def test_a_misspelt_section_of_readings_is_told(name: str) -> None:
+    with pytest.raises(RigError) as caught:
+        RigFile.from_dict({**SOUND, name: {"current": {"unit": "nA", "noise": 5.0}}}, "a rig")
+    assert str(caught.value) == f'a rig: unknown section [{name}]; did you mean "readings"?'
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "hint"),
+    [
+        ("bleed_resistance_Mohm", 5e8, "if that is in ohm, write 500"),
+        ("series_resistance_Mohm", 2e7, "if that is in ohm, write 20"),
+        ("current_limit_uA", 2e-4, "if that is in A, write 200"),
+    ],
+)
+def test_a_part_of_the_drive_in_another_unit_is_told(key: str, value: float, hint: str) -> None:
+    with pytest.raises(RigError) as caught:
+        RigFile.from_dict({**SOUND, "drive": {**SOUND["drive"], key: value}}, "a rig")
+    assert str(caught.value).endswith(hint)
+
+
 def test_a_name_in_the_wrong_place_is_not_missing_as_well() -> None:
     drive = {key: value for key, value in SOUND["drive"].items() if key != "gain"}
     above, moved = {"gain": 800.0}, {"load": {**SOUND["load"], "gain": 1}}

@@ -19,9 +19,11 @@ _UNITS = re.compile(
     r"(?i)(NI_|engineering)?[ _]?units?([ _]?(string|symbol|description))?"
 )  # Attributes that name units
 _SCALING = re.compile(
-    r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset|factor|multiplier|conversion)([ _].*)?|.*per[ _]?(count|bit|lsb)"
+    r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset|factor|multiplier|conversion|calibration|attenuation|divider|lsb)([ _].*)?"
+    r"|.*per[ _]?(count|bit|lsb|unit)"
 )
 """Names of attributes that may say how numbers become values; of whole numbers, the resolution may, too."""
+_QUOTIENT = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*([^\d\s/:]+/[^\d\s/:]+)?\s*")
 _FILLS = re.compile(
     r"(?i)_?fill_?value|missing_?value|no_?data(_?value)?"
 )  # Attributes that name the numbers in place of missing values
@@ -180,7 +182,7 @@ def units_of(attributes: Mapping[str, Any]) -> list[str]:
 def require_no_scale(attributes: Mapping[str, Any], place: str, path: str, *, whole: bool = False) -> None:
     """Refuse a signal in a unit that has an attribute by which its numbers may still have to be scaled."""
     unit = " ".join(units_of(attributes))
-    for name, number in numeric(attributes).items():
+    for name, number in (_quotients(attributes) | numeric(attributes)).items():
         scales = _SCALING.fullmatch(name) or (whole and name.lower() == "resolution")
         if scales and number != float("offset" not in name.lower()) and unit.lower() not in _COUNTED:
             raise DataError(
@@ -228,6 +230,13 @@ def numeric(attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Return the attributes that hold one number."""
     numbers = {name: np.ravel(value) for name, value in attributes.items()}
     return {name: value[0] for name, value in numbers.items() if value.size == 1 and value.dtype.kind in "fiu"}
+
+
+def _quotients(attributes: Mapping[str, Any]) -> dict[str, float]:
+    """Return the attributes that hold one number as text, alone or before a quotient such as ``1000 V/V``."""
+    texts = {k: v.decode("utf-8", "replace") if isinstance(v, bytes) else v for k, v in attributes.items()}
+    matches = {k: _QUOTIENT.fullmatch(v) for k, v in texts.items() if isinstance(v, str)}
+    return {k: float(match[1]) for k, match in matches.items() if match}
 
 
 def _said(timing: Timing | None) -> str:

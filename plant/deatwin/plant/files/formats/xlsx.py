@@ -1,4 +1,4 @@
-"""Excel workbooks (.xlsx, .xlsm), by openpyxl: the one sheet with samples, or ``lab.xlsx#Sheet2``, is read as a CSV file."""
+"""Excel workbooks (.xlsx, .xlsm), by openpyxl: the one visible sheet with samples, or ``lab.xlsx#Sheet2``, as a CSV file."""
 
 import hashlib
 import io
@@ -35,12 +35,15 @@ def read_xlsx(path: str | Path) -> CsvTable:
         books = [openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=only) for only in (True, False)]
         pairs = zip(*(book.worksheets for book in books), strict=True)
         sheets = {values.title: _lines(values, formulas) for values, formulas in pairs}
+        seen = {sheet.title for sheet in books[0].worksheets if sheet.sheet_state == "visible"}
     filled = {title: lines for title, lines in sheets.items() if lines}
     titles = ", ".join(f'"{clipped(title)}"' for title in list(filled)[:_LISTED])
     if wanted and wanted not in filled:
         raise DataError(f'{name}: no sheet "{clipped(wanted)}" with cells{nearest(wanted, filled)}; there are {titles}')
     if wanted:
         filled = {wanted: filled[wanted]}
+    elif shown := {title: lines for title, lines in filled.items() if title in seen}:
+        filled = shown
     tables = {}
     for title, lines in filled.items() or [("", [])]:
         try:
