@@ -4,6 +4,8 @@ import re
 
 from deatwin.plant.files.units import FULL_WIDTH, UNITS, find_unit
 
+LONGEST = 300
+"""Number of characters beyond which a header is a text, not a name with a unit; searches in it would take seconds."""
 _LOWERED = {name.lower() for name in UNITS}
 _IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
 _REMARK = re.compile(r"(.+[)\]])\s*(\([^()\d]*\)|\[[^\[\]\d]*\])")  # behind the unit; with a digit, it may be a factor
@@ -81,6 +83,8 @@ def split_unit(header: str) -> tuple[str, str]:
     >>> split_unit("HV (kV)"), split_unit("HV x1000 (V)")
     (('HV', 'kV'), ('HV x1000', ''))
     """
+    if len(header) > LONGEST:
+        return header, ""
     name, unit = _split(header)
     return name, "" if _factor(name, header) else unit
 

@@ -361,6 +361,7 @@ def test_a_unit_of_time_is_offered_only_where_no_more_than_capitals_differ(tmp_p
 def test_a_remark_behind_the_unit_belongs_to_the_name_and_a_factor_leaves_the_unit_unknown() -> None:
     assert split_unit("Weg [mm] (gemittelt)") == ("Weg (gemittelt)", "mm")
     assert split_unit("x [mm] (x10)")[1] == ""
+    assert split_unit("(a)" * 7000) == ("(a)" * 7000, "")
 
 
 @pytest.mark.parametrize(
