@@ -148,8 +148,9 @@ def test_files_with_a_word_of_thousands_of_characters_give_a_short_error(
     kind: str, fuzz: dict[str, ModuleType]
 ) -> None:
     chosen = kinds(fuzz)[kind]
+    spoilt = 6 if kind == "csv" else 20  # the rows of a table are alike, the words of a document are not
     for seed in chosen.seeds():
-        for content in lengthened(seed, 20):
+        for content in lengthened(seed, spoilt):
             fuzz["readers"].probe(chosen, content)
 
 

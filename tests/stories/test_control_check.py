@@ -90,7 +90,7 @@ def test_trials_of_another_seed_or_code_are_refused_before_any_is_run(
     monkeypatch.setattr(running, "try_one", lambda *_: pytest.fail("a trial was run"))
     with pytest.raises(DataError, match=r"another seal \(seed: 1 there, 0 now\)"):
         running._trials(tmp_path, 4, 0, 1, lambda *_: None)
-    monkeypatch.setattr(trials, "_digest", lambda: "another")
+    monkeypatch.setattr(trials, "sources_digest", lambda *_: "another")
     with pytest.raises(DataError, match=r"another seal \(code: [0-9a-f]{12} there, \"another\" now\)"):
         Trials(tmp_path, seed=1)
 

@@ -21,7 +21,6 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.documents import read_document
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
-from deatwin.plant.sources import load_plant
 from deatwin.studies.diagnosing import RIVALS
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord, hashes
@@ -73,7 +72,9 @@ class CheckTask:
         """Design and judge the controller; write check, report, figures' data and run record."""
         inputs, specification = hashes(self.files), Specification()
         record = RunRecord(command=self.command, inputs=inputs, seed=self.seed, jobs=self.jobs)
-        rig = self.plant.plant.rig
+        rig, at = self.plant.plant.rig, self.operating_input
+        if at is None and self.operating_range is not None:
+            at = 0.5 * sum(self.operating_range)
         wanted = Wanted(
             model=self.model,
             reading=rig.reading,
@@ -88,8 +89,8 @@ class CheckTask:
             self.plant,
             rng=np.random.default_rng(self.seed),
             design=design_named(self.design, wanted),
-            operating_input=self._operating_input(),
-            operating_inputs=self._points(),
+            operating_input=at,
+            operating_inputs=None if self.operating_range is None else np.linspace(*self.operating_range, POINTS),
             command_limits=rig.command_range,
             recording=self.recording,
             specification=specification,
@@ -103,14 +104,6 @@ class CheckTask:
         folder.remove_former(r"figures/\w+\.csv")
         record.save(folder)
         return check
-
-    def _operating_input(self) -> float | None:
-        if self.operating_input is not None or self.operating_range is None:
-            return self.operating_input
-        return 0.5 * sum(self.operating_range)
-
-    def _points(self) -> np.ndarray | None:
-        return None if self.operating_range is None else np.linspace(*self.operating_range, POINTS)
 
 
 def rival_files(plant: str, diagnosis: Path | None, sources: Sequence[str]) -> dict[str, str]:
@@ -128,8 +121,3 @@ def _diagnosed(folder: Path) -> dict[str, str]:
     model = folder / "model.json"  # missing if the recording could not be diagnosed
     best = {"+".join(effects) or CALIBRATED: str(model)} if model.is_file() else {}
     return {**best, **{path.stem: str(path) for path in sorted((folder / RIVALS).glob("*.json"))}}
-
-
-def load_rivals(files: Mapping[str, str]) -> dict[str, CalibratedPlant]:
-    """Load the alternative plants that `rival_files` returned."""
-    return {name: load_plant(source) for name, source in files.items()}

@@ -35,13 +35,16 @@ IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation
 def write_responses(found: Responses, folder: ResultFolder, record: RunRecord | None = None) -> None:
     """Write tables, figures and the report."""
     for response in found.gfrfs:
-        linear = response.order == 1
-        columns = _with_unit(first_columns(response, found.level), response.unit) if linear else None
-        folder.csv(_table(_stem(response)), columns or _map_columns(response, found.level))
+        if response.order == 1:
+            columns = _with_unit(first_columns(response, found.level), response.unit)
+        else:
+            columns = {f"f{i}_Hz": column for i, column in enumerate(response.frequency_Hz.T, start=1)}
+            columns |= _with_unit(columns_of(response, found.level), response.unit)
+        folder.csv(f"figures/{_stem(response)}.csv", columns)
     if found.nofrfs is not None and found.signal is not None:
         for response, error in _fitted(found.nofrfs):
-            folder.csv(_table(f"nofrf{response.order}"), _nofrf_columns(response, error, found.level))
-        folder.csv(_table("test_signal"), _signal_columns(found, found.signal))
+            folder.csv(f"figures/nofrf{response.order}.csv", _nofrf_columns(response, error, found.level))
+        folder.csv("figures/test_signal.csv", _signal_columns(found, found.signal))
     drawings = list(_drawings(found, folder))
     write_story(folder, _page(found, drawings), record or RunRecord(command=(), inputs=(), seed=0, jobs=1))
 
@@ -50,15 +53,6 @@ def _stem(response: FrequencyResponse) -> str:
     """Return the name of the files of a response, which holds its inputs if the model has several."""
     first = "frequency" if response.order == 1 else f"gfrf{response.order}"
     return "_".join([first, *response.inputs])
-
-
-def _table(name: str) -> str:
-    return f"figures/{name}.csv"
-
-
-def _map_columns(response: FrequencyResponse, level: float) -> dict[str, Array]:
-    frequencies = {f"f{i}_Hz": column for i, column in enumerate(response.frequency_Hz.T, start=1)}
-    return {**frequencies, **_with_unit(columns_of(response, level), response.unit)}
 
 
 def _fitted(found: Nofrf) -> Iterator[tuple[FrequencyResponse, Array]]:
@@ -136,7 +130,7 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
                     error.set_color(COLOURS["measured"][0])  # the library's own colour does not suit dark mode
                 axes.legend(markerscale=1)
             bands = _bands(found, ", ")
-            data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
+            data, *further = [f"figures/nofrf{response.order}.csv" for response, _ in _fitted(found.nofrfs)]
             caption = (
                 f"Gains of the NOFRFs for a test signal from {written(found.ranges_Hz[0])} Hz{bands}. {at}."
                 f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The dotted truncation error is the "
@@ -163,12 +157,9 @@ def _bands(found: Responses, before: str = " ") -> str:
 
 def _hatching(*responses: FrequencyResponse) -> str:
     """Explain hatched areas, if there are any."""
-    known = all(response.band().linear_law.all() for response in responses)
-    return (
-        ""
-        if known
-        else " In hatched areas, the gain is less than four times its standard deviation, so the band is unreliable."
-    )
+    if all(response.band().linear_law.all() for response in responses):
+        return ""
+    return " In hatched areas, the gain is less than four times its standard deviation, so the band is unreliable."
 
 
 def _for_reading(response: FrequencyResponse) -> tuple[FrequencyResponse, float]:
@@ -201,6 +192,7 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
     )
     rows = _rows(found)
+    design = ", for example to design a controller (deatwin check)" if len(found.model.input_names) == 1 else ""
     return StoryPage(
         title="frequency",
         sentence=f"Frequency responses of {orders} were computed at an operating input of {found.about}: {found.first.status.value}.",
@@ -209,14 +201,8 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
         notes=[Note(title="Notes", paragraphs=[as_sentence(text) for text in messages])],
         figures=drawings,
         tables=[ranges],
-        next=_next(found) if all(row.passed for row in rows) else MISSED,
+        next=f"{USE}{design}." if all(row.passed for row in rows) else MISSED,
     )
-
-
-def _next(found: Responses) -> str:
-    """Return the advice if all goals are reached; `deatwin check` takes models with one input."""
-    design = ", for example to design a controller (deatwin check)" if len(found.model.input_names) == 1 else ""
-    return f"{USE}{design}."
 
 
 _UNTESTED: Mapping[ValidationStatus | None, str] = {

@@ -239,7 +239,7 @@ def respond(
     responses = (
         gfrf(model, n, omega if n == 1 else _map(n, band), inputs=inputs, operating_input=operating_input)
         for n in range(1, order + 1)
-        for inputs in _choices(names, n)
+        for inputs in (combinations_with_replacement(names, n) if names else (None,))
     )
     first = next(responses)
     first.band(level)  # raises an error for an invalid level before anything slow begins
@@ -291,14 +291,6 @@ def _names(model: NarxModel) -> tuple[str, ...]:
     return names_of(model, range(len(model.input_names)))
 
 
-def _choices(names: Sequence[str], order: int) -> Iterator[Sequence[str] | None]:
-    """Yield the inputs of each kernel of an order; None for a model with one input, which has no names."""
-    if names:
-        yield from combinations_with_replacement(names, order)
-    else:
-        yield None
-
-
 def _with_nofrfs(
     found: Responses, order: int, operating_input: float | Sequence[float] | None, amplitude: float | None
 ) -> Responses:
@@ -309,7 +301,9 @@ def _with_nofrfs(
     for _ in range(1 if amplitude is not None else LOWERED):
         signal = design_excitation(found.band_Hz, model.sample_time, amplitude=size, unit=model.input_units[0])
         try:
-            fitted = _quiet(model, signal, order, operating_input)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", NofrfWarning)  # the status is reported elsewhere
+                fitted = nofrf(model, signal, order, operating_input=operating_input)
         except ModelError as error:
             found, size = replace(found, signal=signal, nofrfs=None, missing=str(error)), size / 2
             continue
@@ -332,13 +326,6 @@ def _room(model: NarxModel, operating_input: float | Sequence[float] | None) -> 
             "--amplitude (the model then extrapolates)"
         )
     return float(min(-shifted.input_min[0], shifted.input_max[0]))
-
-
-def _quiet(model: NarxModel, signal: TestSignal, order: int, operating_input: float | Sequence[float] | None) -> Nofrf:
-    """Suppress warnings, because the status is reported elsewhere."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NofrfWarning)
-        return nofrf(model, signal, order, operating_input=operating_input)
 
 
 def _band(model: NarxModel, given: tuple[float, float] | None, excited: float | None) -> tuple[float, float]:

@@ -18,7 +18,6 @@ from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import COLUMNS, usual_unit
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Experiment, Recording, label
-from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import RigFile
 from deatwin.plant.rigs.rigkeys import AGAINST
 from deatwin.plant.sources import load_plant, read_described
@@ -105,11 +104,6 @@ def absent_readings(plant: GivenPlant, records: Sequence[Recording]) -> list[str
         for reading in plant.model.plant.rig.further
         if reading.name not in recorded
     ]
-
-
-def reading_column(rig: Rig) -> tuple[str, float]:
-    """Return the column header for a rig's first reading, and the factor to the column's unit."""
-    return column_of(rig.output_name, rig.output_unit)
 
 
 def column_of(name: str, unit: str) -> tuple[str, float]:

@@ -105,7 +105,8 @@ class Identified:
 def write_identified(found: Identified, folder: ResultFolder, record: RunRecord) -> None:
     """Write figures' data, the report and the record."""
     runs = [found.run(part) for part in found.unseen]
-    drawings = [_free_run(found, number, part, run) for number, (part, run) in _first(found, runs)]
+    pairs = enumerate(zip(found.unseen[:MOST], runs, strict=False), start=1)
+    drawings = [_free_run(found, number, part, run) for number, (part, run) in pairs]
     tables, model = [], found.model
     if isinstance(model, NarxModel):
         drawings.append(_terms(model))
@@ -116,9 +117,10 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
         drawings.append(_tests(found.tested.validation))
     rows = _rows(found, runs)
     worst = max(runs, key=lambda run: run.rms_error)
+    beside = f"; a linear model has an error of {found.amount(max(found.linear))} rms" if found.linear else ""
     sentence = (
         f"{found.told} has {'at most ' if len(runs) > 1 else ''}an error of {found.amount(worst.rms_error)} rms in its "
-        f"{found.judged} on held-out data{_beside(found)}."
+        f"{found.judged} on held-out data{beside}."
     )
     said = (
         found.tested.validation.status.value
@@ -159,11 +161,6 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     record.save(folder)
 
 
-def _beside(found: Identified) -> str:
-    """Return the largest error of the linear models, as the end of a sentence."""
-    return f"; a linear model has an error of {found.amount(max(found.linear))} rms" if found.linear else ""
-
-
 def linear_errors(
     lags: Sequence[int], output_lags: int, training: Sequence[Recording], unseen: Sequence[Recording]
 ) -> list[float]:
@@ -178,10 +175,6 @@ def linear_errors(
     except ModelError:
         return []
     return [run.rms_error for run in runs] if all(run.status.ok for run in runs) else []
-
-
-def _first(found: Identified, runs: Sequence[NarxResponse]) -> list[tuple[int, tuple[Recording, NarxResponse]]]:
-    return list(enumerate(zip(found.unseen, runs, strict=True), start=1))[:MOST]
 
 
 def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse) -> Drawing:

@@ -1,4 +1,4 @@
-"""Result folder and exit status of a command."""
+"""Result folder, printed verdict and exit status of a command."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from deatwin.studies.voice import Progress, Voice, complain
 
 if TYPE_CHECKING:
+    from deatwin.ident.mismatch import Diagnosis
     from deatwin.studies.folder import ResultFolder
 
 
@@ -30,6 +31,16 @@ def results(out: Path, voice: Voice, doing: str) -> Iterator[tuple[ResultFolder,
     except KeyboardInterrupt as stop:
         complain(str(stop) or f"interrupted; {folder.summary}")
         raise typer.Exit(INTERRUPTED) from None
+
+
+def say_verdict(diagnosis: Diagnosis, voice: Voice) -> None:
+    """Print the verdict, how sure it is, and what to do next."""
+    from deatwin.ident.mismatch import how_sure, next_step
+
+    voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
+    if sure := how_sure(diagnosis):
+        voice.say(f"how sure: {sure}")
+    voice.say(f"next: {next_step(diagnosis)}")
 
 
 def exit_status(work: Callable[[], None]) -> int:

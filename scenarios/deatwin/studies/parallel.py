@@ -27,8 +27,3 @@ def run_told(
     every = list(tasks)
     progress(0.0, doing)
     return run_jobs(function, every, workers=jobs, finished=lambda count: progress(count / len(every), doing))
-
-
-def call(function: Callable[..., Result], *arguments: object) -> Result:
-    """Call a function; used as the job for tasks that start with their own functions."""
-    return function(*arguments)

@@ -26,6 +26,7 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.files import read_recordings
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.sources import load_plant
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.rendering import Origin
@@ -304,7 +305,7 @@ def test_a_diagnosis_keeps_its_rivals(
     assert set(checking.rival_files(model, tmp_path, [])) == {name}  # the plant to control is no other one
     monkeypatch.chdir(tmp_path)
     assert set(checking.rival_files("model.json", tmp_path, [])) == {name}
-    again, kept = checking.load_rivals({name: files[name]})[name], diagnosis.rival_models[name]
+    again, kept = load_plant(files[name]), diagnosis.rival_models[name]
     np.testing.assert_array_equal(again.plant.free_values, kept.plant.free_values)
     np.testing.assert_array_equal(again.covariance, kept.covariance)
 

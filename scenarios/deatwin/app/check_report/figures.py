@@ -15,7 +15,6 @@ from deatwin.control.checking.rows import MarginRow
 from deatwin.control.checking.specification import Limit
 from deatwin.control.checking.verdict import late_rms_error
 from deatwin.control.controllers.base import Controller
-from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import linearise_plant
 from deatwin.control.stability.bands import MarginBand, band_margins, evenly_along
@@ -215,15 +214,12 @@ class Loops:
         frequency = np.union1d(np.geomspace(lowest, highest, _POINTS), np.linspace(lowest, highest, _POINTS)).clip(
             max=highest
         )
-        law = controller.local(at).feedback_response(2 * np.pi * frequency, h)
+        local = controller.local(at)
+        law = local.feedback_response(2 * np.pi * frequency, h)
         values = {name: np.asarray(law * m.response(2 * np.pi * frequency)) for name, m in models.items()}
         stable = view.check.margins is not None and view.check.margins.phase_deg > 0.0
-        return cls(frequency_Hz=frequency, values=values, band=_band(models["model"], controller) if stable else None)
-
-
-def _band(linear: LinearModel, controller: Controller) -> MarginBand:
-    numerator, denominator = controller.local(controller.operating_input).feedback
-    return band_margins(linear, numerator, denominator)
+        band = band_margins(models["model"], *local.feedback) if stable else None
+        return cls(frequency_Hz=frequency, values=values, band=band)
 
 
 _REACH = 2.2  # half width of the drawn part of the Nyquist plane
@@ -256,29 +252,18 @@ class _Measure:
         return (0.0 if high < _FAR * self.limit.poor else 0.6 * self.limit.poor), high
 
 
-def draw_margins(view: View) -> Drawing:
-    """Draw margins over operating points."""
-    rows, column = view.rows(along_time=False), header("input", view.check.operating.input_unit)
-    names = "margins", "Margins over operating points"
-    return _draw_rows(view, rows, lambda row: row.operating_input, f"constant {view.command}", column, *names)
+def draw_margins(view: View, *, along_time: bool) -> Drawing:
+    """Draw margins over operating points or over time."""
+    rows, measures = view.rows(along_time), _measures(view)
+    if along_time:
+        name, title, label, column = "margins_time", "Margins over time", "time (s)", "time_s"
+    else:
+        name, title, label = "margins", "Margins over operating points", f"constant {view.command}"
+        column = header("input", view.check.operating.input_unit)
 
+    def place(row: MarginRow) -> float:
+        return row.time or 0.0 if along_time else row.operating_input
 
-def draw_margins_over_time(view: View) -> Drawing:
-    """Draw margins over time."""
-    rows, names = view.rows(along_time=True), ("margins_time", "Margins over time")
-    return _draw_rows(view, rows, lambda row: row.time or 0.0, "time (s)", "time_s", *names)
-
-
-def _draw_rows(
-    view: View,
-    rows: Mapping[str, list[MarginRow]],
-    place: Callable[[MarginRow], float],
-    label: str,
-    column: str,
-    name: str,
-    title: str,
-) -> Drawing:
-    measures = _measures(view)
     with draw((7.4, 5.4)) as figure:
         panels = figure.subplots(2, 2, sharex=True)
         for axes, measure in zip(panels.flat, measures, strict=True):

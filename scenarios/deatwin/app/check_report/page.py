@@ -10,7 +10,6 @@ from math import isfinite
 
 from deatwin.app.check_report.figures import (
     draw_margins,
-    draw_margins_over_time,
     draw_nyquist,
     draw_others,
     draw_sine,
@@ -111,7 +110,9 @@ def groups(view: View) -> list[Group]:
     for finding in view.check.findings:
         subject, source = _split(finding.subject, view)
         kind = _KINDS.get(subject, _Kind(group="Further findings"))
-        found.setdefault(kind.group.format(_whose(source, view)), []).append(_row(finding, subject, kind, view))
+        label = view.looks[source].label
+        whose = f"the {label}" if re.split("[ ,]", source)[0] in ("model", "plant") else label
+        found.setdefault(kind.group.format(whose), []).append(_row(finding, subject, kind, view))
     return [Group(title=title, rows=rows) for title, rows in found.items()]
 
 
@@ -121,11 +122,6 @@ def _split(subject: str, view: View) -> tuple[str, str]:
     if match is not None and match[2] in view.looks:
         return match[1], match[2]
     return subject, "model" if subject in _MARGINS else "plant"
-
-
-def _whose(source: str, view: View) -> str:
-    label = view.looks[source].label
-    return f"the {label}" if re.split("[ ,]", source)[0] in ("model", "plant") else label
 
 
 def _row(finding: Finding, subject: str, kind: _Kind, view: View) -> Row:
@@ -258,10 +254,7 @@ def _drawn(view: View) -> list[Drawing]:
     others = {name: run for name, run in check.others.items() if run.timepts.size}
     if others:
         found.append(draw_others(view, others))
-    if view.rows(along_time=False):
-        found.append(draw_margins(view))
-    if view.rows(along_time=True):
-        found.append(draw_margins_over_time(view))
+    found += [draw_margins(view, along_time=along) for along in (False, True) if view.rows(along)]
     if check.controller is not None:
         found.append(draw_nyquist(view, check.controller))
     if check.sine is not None and check.sine.timepts.size:

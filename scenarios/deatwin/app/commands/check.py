@@ -5,17 +5,13 @@ from __future__ import annotations
 import json
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from deatwin.app import options
 from deatwin.app.working import results
 from deatwin.studies.voice import Voice
-
-if TYPE_CHECKING:
-    from deatwin.app.given import GivenPlant
-    from deatwin.plant.recording import Recording
 
 
 class DesignName(StrEnum):
@@ -121,15 +117,17 @@ def check(
     --design inverse --operating-range 1.5 3.2 --out control
     """
     from deatwin.app.check_report.page import written_gains
-    from deatwin.app.checking import CheckTask, load_rivals, rival_files
+    from deatwin.app.checking import CheckTask, rival_files
     from deatwin.app.given import GivenPlant, clock_notes, narx_model
     from deatwin.plant.readoptions import ReadOptions
+    from deatwin.plant.sources import load_plant
 
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = narx_model(model).deterministic
     given = GivenPlant.load(plant, ReadOptions.of(context.params))
     rivals = rival_files(plant, diagnosis, rival or [])
-    record = None if recording is None else _longest(given, recording)
+    pieces = () if recording is None else given.experiment([recording]).recordings
+    record = max(pieces, key=lambda piece: piece.n_samples, default=None)
     for note in clock_notes([] if record is None else [record]):
         voice.say(note)
     task = CheckTask(
@@ -140,7 +138,7 @@ def check(
         operating_input=operating_input,
         operating_range=operating_range,
         recording=record,
-        rivals=load_rivals(rivals),
+        rivals={name: load_plant(source) for name, source in rivals.items()},
         files=[model, plant, *([] if recording is None else [recording]), *rivals.values()],
         command=context.obj,
         jobs=jobs,
@@ -153,8 +151,3 @@ def check(
         voice.say(", ".join(f"{name} {value}" for name, value in gains))
     voice.say(f"report: {folder.path / 'report.html'}")
     voice.result(json.loads((folder.path / "check.json").read_text(encoding="utf-8")))
-
-
-def _longest(given: GivenPlant, file: Path) -> Recording:
-    """Return the recording in a file; of several pieces between gaps, the longest."""
-    return max(given.experiment([file]).recordings, key=lambda piece: piece.n_samples)

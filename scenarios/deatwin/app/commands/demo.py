@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from deatwin.app.options import Jobs, Json, Quiet, Seed, complete_effects
-from deatwin.app.working import results
+from deatwin.app.working import results, say_verdict
 from deatwin.studies.voice import Voice
 
 OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if absent.")]
@@ -37,15 +37,11 @@ def demo(
     Example: deatwin demo --effect hysteresis --out demo
     """
     from deatwin.app.demo import run
-    from deatwin.ident.mismatch import how_sure, next_step
 
     voice = Voice(as_json=as_json, quiet=quiet)
     with results(out, voice, "making a recording") as (folder, progress):
         diagnosis = run(folder, effect, command=context.obj, jobs=jobs, seed=seed, progress=progress)
     voice.say(f"concealed: {effect} (truth.json)")
-    voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
-    if sure := how_sure(diagnosis):
-        voice.say(f"how sure: {sure}")
-    voice.say(f"next: {next_step(diagnosis)}")
+    say_verdict(diagnosis, voice)
     voice.say(f"report: {folder.path / 'report.html'}")
     voice.result({"concealed": effect, **diagnosis.to_dict()})

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from deatwin.app import options
-from deatwin.app.working import results
+from deatwin.app.working import results, say_verdict
 from deatwin.studies.voice import Voice
 
 Recordings = Annotated[
@@ -48,7 +48,6 @@ def diagnose(
     if not groups:
         raise typer.BadParameter("give at least one recording", param_hint="REC.csv")
     from deatwin.app.given import GivenPlant, absent_readings, clock_notes, direction_notes
-    from deatwin.ident.mismatch import how_sure, next_step
     from deatwin.plant.readoptions import ReadOptions
     from deatwin.studies.diagnosing import DiagnosisTask
 
@@ -68,10 +67,7 @@ def diagnose(
     )
     with results(out, voice, "reading") as (folder, progress):
         diagnosis = task.run(folder, progress, voice.say)
-    voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
-    if sure := how_sure(diagnosis):
-        voice.say(f"how sure: {sure}")
-    voice.say(f"next: {next_step(diagnosis)}")
+    say_verdict(diagnosis, voice)
     for warning in diagnosis.warnings:
         voice.say(f"note: {warning}")
     for reading in diagnosis.taught or ():

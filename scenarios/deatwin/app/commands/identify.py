@@ -232,11 +232,12 @@ def identify(
                 )
             )
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
+        origins = [*model.input_origin.tolist(), *model.output_origin.tolist()]
         voice.result(
             {
                 "out": str(out),
                 "terms": terms,
-                "origins": _origins(model),
+                "origins": dict(zip(model.input_names + model.output_names, origins, strict=True)),
                 "complete": complete,
                 "notes": found,
                 "unseen": errors,
@@ -317,12 +318,6 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
         voice.say(f"  {error['validation']}")
         for sentence in error["unstable"]:
             voice.say(f"  {sentence}")
-
-
-def _origins(model: NarxModel) -> dict[str, float]:
-    """Return the origin of each signal from which the terms count."""
-    values = [*model.input_origin.tolist(), *model.output_origin.tolist()]
-    return dict(zip(model.input_names + model.output_names, values, strict=True))
 
 
 def _errors(model: NarxModel, unseen: Recording, tested: Tested) -> dict[str, Any]:

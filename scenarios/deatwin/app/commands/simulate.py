@@ -64,7 +64,7 @@ def simulate(
     """
     from dataclasses import replace
 
-    from deatwin.app.given import GivenPlant, clock_notes, column_of, reading_column
+    from deatwin.app.given import GivenPlant, clock_notes, column_of
     from deatwin.plant.files import write_csv
     from deatwin.plant.files.assemble import on_one_clock
     from deatwin.plant.readoptions import ReadOptions
@@ -83,8 +83,8 @@ def simulate(
     model = replace(model, plant=resolved(model.plant, [experiment]))
     prediction = _finished(model.predict(experiment), model)
     at = next(k for k, record in enumerate(experiment.recordings) if record is wanted)
-    header, per_si = reading_column(model.plant.rig)
     name = model.plant.rig.output_name
+    header, per_si = column_of(name, model.plant.rig.output_unit)
     unit = header.removeprefix(f"{name}_")
     ends = (f"low_{unit}", f"high_{unit}")
     columns = _banded((header, *ends), prediction.mean[at] * per_si, prediction.deviation[at] * per_si)
@@ -117,12 +117,8 @@ def _banded(headers: tuple[str, str, str], mean: np.ndarray, deviation: np.ndarr
     columns = dict(zip(headers, (mean, mean - half, mean + half), strict=True))
     if not (narrowest := half.min()):  # neither noise nor model error
         return columns
-    return {name: values.round(_digits(narrowest)) for name, values in columns.items()}
-
-
-def _digits(width: float) -> int:
-    """Return the number of decimals that show three digits below a width."""
-    return 3 - math.floor(math.log10(width))
+    decimals = 3 - math.floor(math.log10(narrowest))
+    return {name: values.round(decimals) for name, values in columns.items()}
 
 
 def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:

@@ -8,6 +8,7 @@ Hence each request must name the loopback address as its host, come from no othe
 from __future__ import annotations
 
 import hmac
+from collections import defaultdict
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
@@ -21,6 +22,7 @@ Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
+_Headers = defaultdict[str, list[str]]  # All values of each request header
 
 
 class Guard:
@@ -40,7 +42,9 @@ class Guard:
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
-        headers = _Headers(scope["headers"])
+        headers: _Headers = defaultdict(list)
+        for name, value in scope["headers"]:
+            headers[name.lower().decode("latin-1")].append(value.decode("latin-1"))
         status, reason = self._refusal(scope, headers)
         if status:
             await _refuse(scope, send, status, reason)
@@ -54,13 +58,13 @@ class Guard:
 
     def _refusal(self, scope: Scope, headers: _Headers) -> tuple[int, str]:
         """Return status and reason for refusing a request; status 0 if it is permitted."""
-        if headers.all("host") not in [[host] for host in self.hosts]:
+        if headers["host"] not in [[host] for host in self.hosts]:
             return 421, "this server only answers requests to its loopback address (127.0.0.1)"
-        if any(origin not in self.origins for origin in headers.all("origin")):
+        if any(origin not in self.origins for origin in headers["origin"]):
             return 403, "requests from pages of other sites are refused"
         if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD"):
-            length = headers.all("content-length")
-            if headers.all("transfer-encoding") or len(length) != 1 or not length[0].isdecimal():
+            length = headers["content-length"]
+            if headers["transfer-encoding"] or len(length) != 1 or not length[0].isdecimal():
                 return 411, "the request must state its length (Content-Length)"
             if int(length[0][:20]) > self.most_bytes:
                 return 413, "the file is too large"
@@ -73,7 +77,7 @@ class Guard:
         return self._is_key(given)
 
     def _knows_key(self, headers: _Headers) -> bool:
-        for text in headers.all("cookie"):
+        for text in headers["cookie"]:
             try:
                 held = SimpleCookie(text).get(self.cookie)
             except CookieError:
@@ -96,16 +100,6 @@ class Guard:
             await send(message)
 
         return sending
-
-
-class _Headers:
-    """All values of each request header."""
-
-    def __init__(self, pairs: Iterable[tuple[bytes, bytes]]) -> None:
-        self._pairs = [(name.lower().decode("latin-1"), value.decode("latin-1")) for name, value in pairs]
-
-    def all(self, name: str) -> list[str]:
-        return [value for key, value in self._pairs if key == name]
 
 
 def _policy(hosts: Iterable[str]) -> list[tuple[bytes, bytes]]:

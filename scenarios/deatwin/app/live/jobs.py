@@ -183,7 +183,8 @@ class Job:
         else:
             state = State.CANCELLED if self._cancelled else State.FAILED
             self.sentence = "" if self._cancelled else self._complaint(status)
-            _remove_if_empty(self._root / self.order.out)
+            with suppress(OSError):  # the folder holds files
+                (self._root / self.order.out).rmdir()
         self.state = state
 
     def _listen(self) -> None:
@@ -272,11 +273,6 @@ def _same(one: Path, other: Path) -> bool:
         return one.samefile(other)
     except OSError:
         return False
-
-
-def _remove_if_empty(folder: Path) -> None:
-    with suppress(OSError):
-        folder.rmdir()
 
 
 if sys.platform == "win32":

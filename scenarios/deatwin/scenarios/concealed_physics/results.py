@@ -115,7 +115,7 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
         wrong_cause=wrong,
         confidently_wrong=verdict in ("named", "partly") and wrong,
         first_right=bool(causes) and causes[0] in right,
-        family_right=bool(causes) and _family(causes[0]) in set(map(_family, right)),
+        family_right=bool(causes) and effect_named(causes[0]).family in {effect_named(name).family for name in right},
         inside=bool(accepted) and all(one & answer for one in accepted),
         all_named=all_named,
         named_right=verdict == "named" and all_named and not wrong,
@@ -127,16 +127,11 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
         sparse_right=bool(TERM_NAMES.get(baselines.get("pysindy", {}).get("term", ""), frozenset()) & right),
         errors={name: float(rms) for name, rms in errors.items() if rms is not None},
         stated=tuple((float(cause["probability"]), cause["effect"] in right) for cause in stated),
-        covered=_covered(result),
+        covered=tuple((row["name"], row["low"] <= row["true"] <= row["high"]) for row in result.get("parameters", ())),
         advised=_advised(again),
         again="verdict" in again,
         lost=frozenset(name for name, made in baselines.items() if made["failure"]),
     )
-
-
-def _covered(result: Mapping[str, Any]) -> tuple[tuple[str, bool], ...]:
-    """Return each parameter that has a true value, and whether its interval holds it."""
-    return tuple((row["name"], row["low"] <= row["true"] <= row["high"]) for row in result.get("parameters", ()))
 
 
 def _advised(again: Mapping[str, Any]) -> str:
@@ -144,10 +139,6 @@ def _advised(again: Mapping[str, Any]) -> str:
         return ""
     causes = " + ".join(cause["effect"] for cause in again.get("causes", ()))
     return again.get("failure") or ": ".join(filter(None, (again["verdict"], causes)))
-
-
-def _family(effect: str) -> str:
-    return effect_named(effect).family.value
 
 
 WORDS = Words(__package__)

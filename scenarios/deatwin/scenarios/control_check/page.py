@@ -167,8 +167,8 @@ def _rates(outcomes: Sequence[Outcome]) -> Table:
     concealed = [f"concealed: {spaced(o.concealed or NOTHING)}" for o in outcomes]
     groups = {"all": list(outcomes)}
     for names in ([o.design for o in outcomes], concealed):
-        own = {name: [o for o, its in zip(outcomes, names, strict=True) if its == name] for name in sorted(set(names))}
-        groups |= own
+        for name in sorted(set(names)):
+            groups[name] = [o for o, its in zip(outcomes, names, strict=True) if its == name]
     seen = [verdict.value for verdict in Verdict]
     seen += [NO_MODEL] if any(o.verdict == NO_MODEL for o in outcomes) else []
     rows = []
@@ -185,10 +185,8 @@ def _cell(rate: Rate) -> str:
 def _broken(outcomes: Sequence[Outcome]) -> Table:
     rows = []
     for o in broken(outcomes):
-        concealed, share = (
-            spaced(o.concealed) or NOTHING,
-            "–" if o.inside is None else f"{100 * o.inside:.1f} %",
-        )
+        share = "–" if o.inside is None else f"{100 * o.inside:.1f} %"
+        concealed = spaced(o.concealed) or NOTHING
         rows.append([str(o.number), o.design, f"{o.closed_loop_time:.2g} s", concealed, share, o.truth])
     return WORDS.table("broken", rows)
 

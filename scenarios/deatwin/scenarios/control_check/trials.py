@@ -126,8 +126,7 @@ def calibrated(recording: Recording) -> CalibratedPlant:
 
 
 SCHEMA = "deatwin/control-trial/1"
-PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")
-OWN = ("trials.py",)  # Packages and modules whose code decides an outcome
+PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")  # Their code, and this module's, decides an outcome
 NO_MODEL = "no model"
 """Verdict of a trial whose recording gave no model to design on, or none of the physics to check it on."""
 PASS = Verdict.PASS.value
@@ -214,7 +213,8 @@ class Trials(CaseStore):
     """The trials of a study, all of one seed and one version of the code."""
 
     def __init__(self, folder: Path, seed: int) -> None:
-        super().__init__(folder, _Seal(schema=SCHEMA, parts={"seed": seed, "code": _digest()}), cases="trials")
+        code = sources_digest(PACKAGES, [Path(__file__)])
+        super().__init__(folder, _Seal(schema=SCHEMA, parts={"seed": seed, "code": code}), cases="trials")
 
     def outcomes(self, numbers: Iterable[int]) -> tuple[Outcome, ...]:
         """Read trials."""
@@ -224,10 +224,6 @@ class Trials(CaseStore):
 def name_of(number: int) -> str:
     """Name the file of a trial."""
     return f"{number:03d}"
-
-
-def _digest() -> str:
-    return sources_digest(PACKAGES, [Path(__file__).parent / name for name in OWN])
 
 
 def inside(outcomes: Iterable[Outcome]) -> Rate:

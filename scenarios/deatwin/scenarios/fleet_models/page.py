@@ -241,19 +241,12 @@ def _dc(bench: Bench) -> Table:
 
 
 Terms = Sequence[Term]
-NOISE_LAGS = 2
-
-
-def _with_noise(terms: Terms, section: Recording) -> NarxModel:
-    process = Fixed(terms=terms)
-    return Narmax(process, noise_lags=NOISE_LAGS, noise_degree=1, criterion="none").fit(section).model_
-
-
+NOISE: dict[str, Any] = {"noise_lags": 2, "noise_degree": 1, "criterion": "none"}
 ESTIMATORS: Mapping[str, Callable[[Terms, Recording], NarxModel]] = {
     "least squares": lambda terms, section: Fixed(terms=terms).fit(section).model_,
     "ridge": lambda terms, section: Fixed(terms=terms, estimator=Ridge()).fit(section).model_,
     "total least squares": lambda terms, section: Fixed(terms=terms, estimator=TotalLeastSquares()).fit(section).model_,
-    "least prediction error": _with_noise,
+    "least prediction error": lambda terms, section: Narmax(Fixed(terms=terms), **NOISE).fit(section).model_,
     "least free-run error": lambda terms, section: refine(Fixed(terms=terms).fit(section).model_, section),
 }
 """Estimators of the parameters of given terms; the fourth adds e(k-1) and e(k-2)."""

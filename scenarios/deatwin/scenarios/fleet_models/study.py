@@ -42,9 +42,8 @@ class Identified:
     @classmethod
     def of(cls, search: Any, model: NarxModel, sections: tuple[Recording, Recording]) -> Identified:
         """Validate a model on both sections."""
-        return cls(
-            search=search, model=model, training=validate(model, sections[0]), held_out=validate(model, sections[1])
-        )
+        training, held_out = (validate(model, section) for section in sections)
+        return cls(search=search, model=model, training=training, held_out=held_out)
 
     @property
     def fit(self) -> float:

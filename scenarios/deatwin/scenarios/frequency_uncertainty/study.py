@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import call
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ from deatwin.ident.narx.rules import AtMost
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem
 from deatwin.plant import Actuator, Plant, Recording, fleet, specification
 from deatwin.plant.fleet import DURATION, HISTORIES, TOLERANCES
-from deatwin.studies.parallel import between, call, run_told
+from deatwin.studies.parallel import between, run_told
 from deatwin.studies.voice import Progress
 
 Array = NDArray[np.float64]

@@ -249,9 +249,9 @@ def compare(name: str, method: str, seed: int, number: int) -> Comparison:
     kept, places = [trial.terms.index(term) for term in common], [terms.index(term) for term in common]
     low, high = np.array(trial.low)[kept], np.array(trial.high)[kept]
     scales = data.term_scales[places]
-    averaged = _present(found.parameters(posterior, DRAWS, rng)[:, places] * scales)
+    averaged = found.parameters(posterior, DRAWS, rng)[:, places] * scales
     alone = Structures(inclusion=found.inclusion, weights={frozenset(terms.index(t) for t in trial.terms): 1.0})
-    given = _present(alone.parameters(posterior, DRAWS, rng)[:, places] * scales)
+    given = alone.parameters(posterior, DRAWS, rng)[:, places] * scales
     return Comparison(
         sampled=sampled,
         chosen=trial.terms,
@@ -261,12 +261,8 @@ def compare(name: str, method: str, seed: int, number: int) -> Comparison:
     )
 
 
-def _present(theta: Array) -> Array:
-    """Return drawn parameters with NaN where the term is out."""
-    return np.where(theta != 0, theta, np.nan)
-
-
 def _mass(theta: Array, low: Array, high: Array) -> Array:
     """Return the share of the draws, with the term in, that lies in each interval."""
-    inside = np.sum((low <= theta) & (theta <= high), axis=0)
-    return np.asarray(inside / np.sum(~np.isnan(theta), axis=0), dtype=np.float64)
+    there = theta != 0
+    inside = np.sum(there & (low <= theta) & (theta <= high), axis=0)
+    return np.asarray(inside / np.sum(there, axis=0), dtype=np.float64)

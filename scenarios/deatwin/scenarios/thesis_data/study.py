@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import call
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from deatwin.ident.curves import loop_area
 from deatwin.plant import Actuator, Experiment, Plant, Recording, fleet, specification
 from deatwin.plant.excitation import triangles
-from deatwin.studies.parallel import call, run_told
+from deatwin.studies.parallel import run_told
 from deatwin.studies.voice import Progress
 
 LOOP_RATE = 0.01  # Rate of the actuators' loops, Hz

@@ -114,22 +114,11 @@ def _unseen(driven: Sequence[Driven]) -> Iterable[Measure]:
     seen = [(100 * (1 - one.track.seen[CONSTANT]), 100 * (1 - one.track.seen[VARYING])) for one in driven]
     yield WORDS.measure("whole", all(a < b for a, b in seen), pairs=Each(seen))
     for kind, way, which in (
-        (
-            "unseen",
-            CONSTANT,
-            "held-out blocks: first with constant parameters (least squares), then with varying parameters",
-        ),
-        (
-            "unseen",
-            REFINED,
-            "held-out blocks: first with constant parameters (fitted to the free run), then with varying parameters",
-        ),
-        (
-            "ahead",
-            CONSTANT,
-            "blocks after the fitted data: first with constant parameters (least squares), then with varying parameters",
-        ),
+        ("unseen", CONSTANT, "held-out blocks: first with constant parameters (least squares)"),
+        ("unseen", REFINED, "held-out blocks: first with constant parameters (fitted to the free run)"),
+        ("ahead", CONSTANT, "blocks after the fitted data: first with constant parameters (least squares)"),
     ):
+        which += ", then with varying parameters"
         errors = [getattr(one.track, kind) for one in driven]
         pairs = [(100 * error[way], 100 * error[VARYING]) for error in errors]
         yield WORDS.measure("better", all(b < a for a, b in pairs), which=which, pairs=Each(pairs))

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -80,15 +81,9 @@ def inline(figure: Figure, name: str, title: str) -> str:
     text = re.sub(r'\bid="', f'id="{name}-', text)
     text = re.sub(r'(url\(|href=")#', rf"\g<1>#{name}-", text)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    opening = rf'<svg \1 role="img" aria-label="{_escaped(title)}">'
+    label = escape(title).replace("\\", r"\\")  # of an attribute, in the replacement of a regular expression
+    opening = rf'<svg \1 role="img" aria-label="{label}">'
     return re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', opening, text, count=1)
-
-
-def _escaped(title: str) -> str:
-    """Escape text for an attribute and for a regular-expression replacement."""
-    from html import escape
-
-    return escape(title).replace("\\", r"\\")
 
 
 def _adaptive(grey: re.Match[str]) -> str:

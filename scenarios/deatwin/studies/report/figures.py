@@ -183,14 +183,11 @@ def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
         for axis in (axes.xaxis, axes.yaxis):
             numbers_of_decades(axis, 300.0)
         figure.legend(loc="outside upper left", ncols=3)
-        svg = inline(figure, "frequency", "Residual over frequency")
-    caption = (
-        "Amplitude spectral density of the residual (measured minus simulated). In the ochre bands, the residual exceeds the "
-        "sensor noise."
-    )
-    return Drawing(
-        name="frequency", title="Residual over frequency", caption=caption, svg=svg, data="figures/frequency.csv"
-    )
+        caption = (
+            "Amplitude spectral density of the residual (measured minus simulated). In the ochre bands, the residual exceeds "
+            "the sensor noise."
+        )
+        return Drawing.of(figure, "frequency", "Residual over frequency", caption)
 
 
 def _spectrum(view: _View, suffix: str) -> dict[str, Array]:
@@ -266,37 +263,29 @@ def _faulty(tracks: Sequence[Stretch], faults: Sequence[Fault]) -> tuple[Stretch
 
 def _worst(candidates: Sequence[Stretch]) -> tuple[Stretch, int, int]:
     """Return the stretch, by first and last-plus-one sample, with the largest residual in the held-out data."""
-    best: tuple[float, Stretch, int, int] | None = None
+    found = []
     has_unseen = any(track.unseen.any() for track in candidates)
     for track in candidates:
         n = track.measured.size
         width = min(n, max(ZOOM_SAMPLES, round(n * ZOOM_SHARE)))
-        square = (
-            np.where(track.unseen, (track.measured - track.base) ** 2, 0)
-            if has_unseen
-            else (track.measured - track.base) ** 2
-        )
+        square = np.where(track.unseen | (not has_unseen), (track.measured - track.base) ** 2, 0)
         sums = np.concatenate([[0.0], np.cumsum(square)])
         means = (sums[width:] - sums[:-width]) / width
         first = int(np.argmax(means))
-        if best is None or means[first] > best[0]:
-            best = float(means[first]), track, first, first + width
-    if best is None:
-        raise ValueError("no track")
-    return best[1:]
+        found.append((means[first], (track, first, first + width)))
+    return max(found, key=lambda one: one[0])[1]
 
 
 def _whole(view: _View) -> Drawing:
     with draw((6.4, 4.0)) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
         for place, track in enumerate(view.tracks):
-
-            def label(text: str, place: int = place) -> str:
-                return text if place == 0 else f"_{text}"
-
-            upper.plot(*envelope(track.axis, track.measured), color=MEASURED, label=label("measured"), linewidth=2.2)
+            hidden = "_" * bool(place)  # from the legend, which names each curve once
+            label = f"{hidden}measured"
+            upper.plot(*envelope(track.axis, track.measured), color=MEASURED, label=label, linewidth=2.2)
             for name, text, colour in view.models:
-                upper.plot(*envelope(track.axis, getattr(track, name)), color=colour, label=label(text), linewidth=0.7)
+                label = f"{hidden}{text}"
+                upper.plot(*envelope(track.axis, getattr(track, name)), color=colour, label=label, linewidth=0.7)
             lower.plot(*envelope(track.axis, track.command), color=INK, linewidth=0.7)
         upper.set_ylabel(view.reading)
         lower.set(xlabel=view.time, ylabel=view.command)

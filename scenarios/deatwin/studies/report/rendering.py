@@ -82,20 +82,18 @@ def write_page(
     """Write ``report.html`` from a template of a package; the template may extend those of this package."""
     script = files("deatwin.studies.report").joinpath("templates", "figures.js").read_text(encoding="utf-8")
     figures = list(drawings)
-    page = (
-        templates(package)
-        .get_template(template)
-        .render(
-            **shown,
-            origin=origin,
-            versions=versions(),
-            colours=COLOURS,
-            script=script,
-            script_hash=_hash(script),
-            data=packed(folder.path, figures),
-        )
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+    page = templates(package).get_template(template)
+    text = page.render(
+        **shown,
+        origin=origin,
+        versions=versions(),
+        colours=COLOURS,
+        script=script,
+        script_hash=f"sha256-{digest}",  # by which the page's security policy allows its one script
+        data=packed(folder.path, figures),
     )
-    folder.text("report.html", page)
+    folder.text("report.html", text)
 
 
 def templates(package: str) -> Environment:
@@ -152,8 +150,3 @@ def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:
             break
         kept.add(name)
     return {name: text for name, text in texts.items() if name in kept}
-
-
-def _hash(script: str) -> str:
-    """Return the hash by which the page's security policy allows its one script."""
-    return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode('ascii')}"

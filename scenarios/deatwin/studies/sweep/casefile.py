@@ -37,7 +37,7 @@ def encode(record: Mapping[str, Any]) -> bytes:
     """Return the content of a case's file."""
     from scipy.io import netcdf_file
 
-    buffer = _Kept()
+    buffer = io.BytesIO()
     with netcdf_file(buffer, "w") as file:
         file.schema, file.sha256 = SCHEMA, UNKNOWN
         text = np.frombuffer(json.dumps(record, ensure_ascii=True).encode("ascii"), dtype="S1")
@@ -48,7 +48,9 @@ def encode(record: Mapping[str, Any]) -> bytes:
             variable = _add(file, name, values, _dimensions(file, name, values, names))
             if name != path:
                 variable.long_name = path.encode("utf-8", "backslashreplace")
-    return _stating(buffer.content, hashlib.sha256(buffer.content).hexdigest().encode())
+        file.flush()
+        content = buffer.getvalue()  # before the file closes the buffer
+    return _stating(content, hashlib.sha256(content).hexdigest().encode())
 
 
 def decode(content: bytes) -> dict[str, Any]:
@@ -85,17 +87,6 @@ def write_case(path: Path | str, record: Mapping[str, Any]) -> None:
 def _stating(content: bytes, sha256: bytes) -> bytes:
     """Replace the hash in the file; dimension names, which come first, are not surrounded by zero bytes."""
     return STATED.sub(lambda found: found[0][:-64] + sha256, content, count=1)
-
-
-class _Kept(io.BytesIO):
-    """A buffer that keeps its content after it is closed."""
-
-    content = b""
-
-    def close(self) -> None:
-        if not self.closed:
-            self.content = self.getvalue()
-        super().close()
 
 
 def _variables(path: str, value: Any) -> Iterator[tuple[str, Array]]:

@@ -115,7 +115,7 @@ def test_effects_that_are_passed_speak_of_the_rig_and_a_users_own_stay_as_they_a
 @pytest.mark.skipif(compiler() is None, reason="fits: without a C compiler they take ten times as long")
 @one_thread  # as a diagnosis runs: with more threads, products round differently
 def test_the_public_steps_one_by_one_find_what_a_diagnosis_does():
-    noise = band_limited_noise(np.random.default_rng(0), 24.0, 0.02)
+    noise = band_limited_noise(np.random.default_rng(0), 12.0, 0.02)
     blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))
     experiment = NOMINAL.with_effects(ElectrodeRC(time=0.1)).record(blank, np.random.default_rng(1))
     effects = [ElectrodeRC()]
