@@ -190,7 +190,9 @@ def title_of(cause: str, diagnosis: Diagnosis) -> str:
 
 
 def _or_nothing(cause: Cause, diagnosis: Diagnosis) -> str:
-    """Return a warning if the interval of a strength includes zero."""
+    """Return a warning if the interval of a strength includes zero, unless every explanation has this effect."""
+    if diagnosis.explanations and all(cause.effect in one.effects for one in diagnosis.explanations):
+        return ""
     strength = cause.parameters.get(_effect(cause, diagnosis).strength)
     absent = strength is not None and strength.low <= 0.0 <= strength.high
     name = spaced(cause.effect)

@@ -593,11 +593,13 @@ def test_every_number_of_a_real_diagnosis_is_a_field():
 @pytest.mark.parametrize(("low", "said"), [(-2e3, True), (24e3, False)])
 def test_an_explanation_that_may_be_absent_is_said_to_be(low: float, said: bool) -> None:
     weak = replace(CREEP, parameters={**CREEP.parameters, "modulus": replace(CREEP.parameters["modulus"], low=low)})
-    sentence = made_up(Verdict.AMBIGUOUS, weak).sentence
+    found = made_up(Verdict.AMBIGUOUS, weak)
     absent = (
         "These recordings do not prove that creep is present, because the 95 % interval of its strength includes zero."
     )
-    assert (absent in sentence) is said
+    assert (absent in found.sentence) is said
+    beside = tuple(Explanation(effects=effects, probability=0.4) for effects in (("creep",), ("creep", "delay")))
+    assert absent not in say(replace(found, explanations=beside))  # every explanation has it
 
 
 def titled(*rivals: Effect) -> str:
