@@ -454,7 +454,7 @@ def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
         width = float(abs(low) * 10 ** rng.uniform(-7.5, 1))
         at = Interval(value=low + 0.4 * width, low=low, high=low + width, unit="s")
         told = made_up(Verdict.NAMED, replace(CREEP, parameters={**CREEP.parameters, "time": at})).to_dict()
-        shown = re.search(r"time constant of \S+ \S+ \(95 % interval: (\S+) to (\S+)\)", told["sentence"])
+        shown = re.search(r"relaxation time of \S+ \S+ \(95 % interval: (\S+) to (\S+)\)", told["sentence"])
         assert shown is not None and shown[1] != shown[2]
         assert foreign_numbers(told) == []
     assert (
