@@ -12,7 +12,8 @@ import pytest
 from deatwin.app.cli import main
 from deatwin.app.commands import doctor as command
 from deatwin.app.commands.doctor import OPTIONAL, SLOWER
-from deatwin.plant import Plant, effects
+from deatwin.ident.mismatch.refit.base import FEWER
+from deatwin.plant import Plant, Rig, effects
 from deatwin.plant.integrator import compiled
 
 ROOT = Path(__file__).parents[3]
@@ -46,16 +47,29 @@ def test_no_advice_needs_an_index_that_has_deatwin() -> None:
         assert not re.search(r"pip install \W*deatwin", path.read_text(encoding="utf-8")), path
 
 
+@pytest.mark.parametrize(("rig", "variants", "finer"), [(None, 2, 1), ("mine:disc", 1, 0)])
 def test_the_plants_that_a_diagnosis_asks_for_are_compiled(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    rig: str | None,
+    variants: int,
+    finer: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
 ) -> None:
-    """With the ball bonded and sliding: the film as it is, a finer one, and the film with each effect."""
+    """With the ball bonded and sliding, if that is not known: the film in two numbers of stages, a finer one if there is
+    one, and the film with each effect in the smaller number of stages.
+    """
     made: list[Plant] = []
-    monkeypatch.setattr(effects, "catalogue", lambda: (effects.Creep(),))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(
+        "from deatwin.plant import Disc, Plant\n\ndef disc():\n    return Plant(rig=Disc())\n"
+    )
+    monkeypatch.setattr(Rig, "effects", lambda self: (effects.Creep(),))
     monkeypatch.setattr(command, "_compile", made.append)
-    assert main(["doctor", "--warm", "--jobs", "1"]) == 0
-    assert [plant.effect_names for plant in made] == [(), (), ("creep",)] * 2
-    assert "6 plants are compiled" in capsys.readouterr().out
+    assert main(["doctor", "--warm", "--jobs", "1", *(["--rig", rig] if rig else [])]) == 0
+    each = [((), 5), ((), FEWER), *[((), 5)] * finer, (("creep",), FEWER)]
+    assert [(plant.effect_names, plant.stages) for plant in made] == each * variants
+    assert f"{len(made)} plants are compiled" in capsys.readouterr().out
 
 
 def test_what_is_absent_comes_with_its_command(

@@ -33,7 +33,7 @@ STEP = 0.02
 SHAKER = "docs/how-to/own-plant.md"
 """Its commands are for a plant with another sample time."""
 ELSEWHERE = {
-    "doctor --warm": "tests/unit/app/test_doctor.py, with one effect of the catalogue",
+    "doctor --warm --rig rig.toml": "tests/unit/app/test_doctor.py, with one effect of the catalogue",
     "view measurements": "tests/browser/test_view.py, a step of .ci/run, with the extra `view`",
     "diagnose rig.toml noise.csv --out found": "here, with steps.csv: one recording less is no other command",
     "diagnose motor:plant recording.csv --out found": "tests/unit/app/test_worked_rigs.py, in Python, with the other rigs",

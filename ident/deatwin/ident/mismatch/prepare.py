@@ -124,8 +124,8 @@ def _problem_of(
         nominal=plant.with_rig(rig),
         stated_error=plant.rig.model_error,
         expected_error=rig.model_error,
-        effects=(*known, *_elsewhere(plant, known, beside_others)),
-        elsewhere=_elsewhere(plant, known, in_place),
+        effects=(*known, *elsewhere(plant, known, beside_others)),
+        elsewhere=elsewhere(plant, known, in_place),
         fitted=fitted,
         unseen=unseen,
         everything=everything,
@@ -133,7 +133,7 @@ def _problem_of(
     )
 
 
-def _elsewhere(plant: Plant, effects: Sequence[Effect], alone: Collection[Alone]) -> tuple[Effect, ...]:
+def elsewhere(plant: Plant, effects: Sequence[Effect], alone: Collection[Alone]) -> tuple[Effect, ...]:
     """Return the effects at further places of the plant, except where another effect does the same."""
     names = {effect.name for effect in effects}
     placed = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -62,17 +62,23 @@ Warm = Annotated[
     bool,
     typer.Option(
         "--warm",
-        help="Compile in advance what a diagnosis of a diaphragm needs, so that your first diagnosis is faster.",
+        help="Compile in advance what a diagnosis needs, so that your first diagnosis is faster.",
     ),
+]
+WarmRig = Annotated[
+    str | None,
+    typer.Option("--rig", metavar="RIG", help="Rig file whose plants --warm compiles; a diaphragm by default."),
 ]
 
 
-def doctor(warm: Warm = False, jobs: Jobs = -1, as_json: Json = False, quiet: Quiet = False) -> None:
+def doctor(
+    warm: Warm = False, rig: WarmRig = None, jobs: Jobs = -1, as_json: Json = False, quiet: Quiet = False
+) -> None:
     """Show what is installed, whether a compiler was found, and what is slower without it.
 
     Example: deatwin doctor
 
-    Before the first diagnosis: deatwin doctor --warm
+    Before the first diagnosis: deatwin doctor --warm --rig rig.toml
     """
     from deatwin.plant.integrator.compiled import compiler
     from deatwin.studies.provenance import versions
@@ -94,7 +100,7 @@ def doctor(warm: Warm = False, jobs: Jobs = -1, as_json: Json = False, quiet: Qu
     width = max(len(label) for label, _ in lines)
     for label, text in lines:
         voice.say(f"{label:{width}} {text}")
-    compiled = _warm(voice, jobs) if warm else 0
+    compiled = _warm(voice, jobs, rig) if warm else 0
     if warm:
         voice.say(
             f"{compiled} plants are compiled" if program else "nothing was compiled, because there is no compiler"
@@ -156,20 +162,18 @@ def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "data", f"{data['folder']}: {', '.join(data['holds']) or 'empty'} ({data['variable']})"
 
 
-def _warm(voice: Voice, jobs: int) -> int:
-    """Compile the plants that a diagnosis of a diaphragm needs; return how many."""
+def _warm(voice: Voice, jobs: int, rig: str | None) -> int:
+    """Compile the plants that a diagnosis with a rig file needs, or one of a diaphragm; return how many."""
     from deatwin.ident.parallel import run_jobs
-    from deatwin.plant.effects import catalogue
     from deatwin.plant.integrator.compiled import compiler
     from deatwin.plant.model import Plant
     from deatwin.plant.rigs.diaphragm import Diaphragm
+    from deatwin.plant.sources import load_plant
 
+    nominal = Plant(rig=Diaphragm(ball_is_known=False)) if rig is None else load_plant(rig).plant
     if compiler() is None:
         return 0
-    plants = []
-    for ball in ("bonded", "sliding"):
-        rig = Diaphragm(ball=ball)
-        plants += [Plant(rig=rig), Plant(rig=rig.finer()), *(Plant(rig=rig, effects=(e,)) for e in catalogue())]
+    plants = list(_needed(nominal))
     with voice.progress("compiling") as progress:
         run_jobs(
             _compile,
@@ -178,6 +182,24 @@ def _warm(voice: Voice, jobs: int) -> int:
             finished=lambda count: progress(count / len(plants), f"compiled {count} of {len(plants)}"),
         )
     return len(plants)
+
+
+def _needed(nominal: Plant) -> Iterator[Plant]:
+    """Yield the plants of a diagnosis: in each variant of the rig the plant, a finer one, and the plant with each effect."""
+    from deatwin.ident.mismatch.prepare import elsewhere
+    from deatwin.ident.mismatch.refit.base import FEWER
+    from deatwin.plant.effects.base import Alone
+    from deatwin.plant.model_error import Refinable
+
+    read = nominal.rig.reading  # which is no part of the equations
+    for rig in dict.fromkeys(replace(variant, reading=read) for variant in (nominal.rig, *nominal.rig.rivals())):
+        plant = nominal.with_rig(rig)
+        few = replace(plant, stages=min(FEWER, plant.stages))  # candidates are simulated with fewer stages
+        yield from (plant, few)
+        if isinstance(rig, Refinable):
+            yield plant.with_rig(rig.finer())
+        known = tuple(effect for effect in rig.effects() if few.accepts(effect))
+        yield from (few.with_effects(effect) for effect in (*known, *elsewhere(few, known, {Alone.TOLD})))
 
 
 def _compile(plant: Plant) -> None:
