@@ -50,7 +50,7 @@ _FACTOR = re.compile(
 )
 """Factor in the name of a column, of which nobody knows whether it was applied: ``HV x1000``, ``U/100``, ``1:1000``."""
 _BEHIND = re.compile(r"[)\]][^()\[\]]*$")
-_RATIO = re.compile(r"(?<![\d.])\d[\d.]*\s?([^\W\d_]+)\s?(/|=|\bper\b)\s?(?:\d[\d.]*\s?)?([^\W\d_]+)")
+_RATIO = re.compile(r"(?<![\d.])\d[\d.]*\s?([^\W\d_]+)\s?(/|=|≙|→|->|\bper\b|\bpro\b)\s?(?:\d[\d.]*\s?)?([^\W\d_]+)")
 TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _LIKE_TIME = re.compile("(?i)time|stamp|clock|zeit|elapsed|temps|tiempo")
 _NO_QUANTITIES = frozenset({"counts"})  # Words before a slash that belong to an unknown unit, as in ``counts/s``
