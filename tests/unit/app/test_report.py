@@ -448,6 +448,8 @@ def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Ve
     )
     assert said in how_sure(diagnosis) + "."
     assert how_sure(replace(diagnosis, readings=None))
+    certain = replace(diagnosis, detection=replace(detection, p_value=1e-4))  # a small error that is beyond chance
+    assert "would need" not in how_sure(certain)
     page = page_of(replace(diagnosis, readings=None), tmp_path)
     assert "<h1>Something is &lt;missing&gt;.</h1>" in page and verdict.value.replace("_", " ") in page
     assert "stretch_limit lies at a bound" in page and "6.00" in page

@@ -9,13 +9,16 @@ import pytest
 from rig_files import SOUND
 
 from deatwin.plant import (
+    Coupon,
     Creep,
     Diaphragm,
+    Disc,
     Experiment,
     Plant,
     ReadingTime,
     Recording,
     RigError,
+    Roll,
     SimulationError,
     thesis_plant,
 )
@@ -99,6 +102,13 @@ def test_a_prestretch_that_is_not_known_has_the_farther_one_of_the_thesis_as_riv
     reading_time, stretched = rig.rivals()
     assert reading_time == replace(rig, reading=ReadingTime.START_OF_HOLD)
     assert stretched == replace(rig, prestretch=other)
+
+
+@pytest.mark.parametrize("rig", [Coupon(), Disc(), Roll(reading=ReadingTime.START_OF_HOLD)])
+def test_every_rig_may_be_read_at_the_other_end_of_the_hold(rig):
+    (rival,) = rig.rivals()
+    assert rival == replace(rig, reading=rival.reading) and type(rival) is type(rig)
+    assert {rig.reading, rival.reading} == {ReadingTime.START_OF_HOLD, ReadingTime.END_OF_HOLD}
 
 
 def test_all_that_is_left_open_has_a_rival_of_its_own():

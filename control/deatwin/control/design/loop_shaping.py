@@ -210,15 +210,22 @@ class _Loops:
     def fastest(self) -> tuple[float, float]:
         """Return the largest integral gain within the bounds, and the time constant that belongs to it."""
         times, omega, values = self.times, self.omega, self.table
-        for width in (1e-2, 5e-4, 0.0):  # refined each time between the neighbours of the best, and near its crossover
+        for width in (
+            1e-2,
+            1e-3,
+            1e-4,
+        ):  # refined each time between the neighbours of the best, and near their crossovers
             largest = self.bounds.largest_gain(values)
             best = int(np.argmax(largest))
-            found = float(largest[best]), float(times[best])
-            times = np.linspace(times[max(best - 1, 0)], times[min(best + 1, times.size - 1)], 41)
-            near = self.crossover(*found) * (1.0 + width * np.linspace(-1.0, 1.0, 41))
-            omega = np.union1d(omega, np.minimum(near, omega[-1]))
+            low, high = max(best - 1, 0), min(best + 1, times.size - 1)
+            alike = [k for k in range(low, high + 1) if largest[k] > 0.5 * largest[best]]
+            crossed = [self.crossover(float(largest[k]), float(times[k])) for k in alike]
+            near = np.linspace(min(crossed) * (1.0 - width), max(crossed) * (1.0 + width), 81)
+            omega, times = np.union1d(omega, np.minimum(near, omega[-1])), np.linspace(times[low], times[high], 41)
             values = self.values(times, omega)
-        return found
+        largest = self.bounds.largest_gain(values)
+        best = int(np.argmax(largest))
+        return float(largest[best]), float(times[best])
 
     def crossover(self, integral: float, time: float) -> float:
         """Return the highest frequency at which the loop gain is one, rad/s."""

@@ -121,8 +121,8 @@ def _clean(diagnosis: Diagnosis) -> str:
         return f"after the fit to all recordings, the error beyond sensor noise is {small}"
     chance = f"p = {number(found.p_value)}"
     if found.practical is not None and found.excess < found.practical:
-        small = f" ({chance} for all tests of the residual together; a mismatch would need p < {LEVEL:g})"
-        return _beyond_noise(diagnosis, small)
+        needed = f"; a mismatch would need p < {LEVEL:g}" if found.p_value >= LEVEL else ""
+        return _beyond_noise(diagnosis, f" ({chance} for all tests of the residual together{needed})")
     return f"{_beyond(found.excess, diagnosis)}, but it may be due to chance ({chance}; an error of this size counts only if p < {LEVEL:g})"
 
 

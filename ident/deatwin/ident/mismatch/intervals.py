@@ -30,5 +30,6 @@ def perhaps_absent(fit: Calibration, effects: Collection[str]) -> tuple[str, ...
     # scales both. No interval tells of such a strength whether it is zero; the ablation does.
     added = [effect for effect in fit.plant.effects if effect.name in effects]
     strengths = {effect.name: f"{effect.name}.{effect.strength}" for effect in added}
-    known = {name: fit.interval(strength) for name, strength in strengths.items() if strength not in fit.undetermined}
+    fitted = set(fit.names) - fit.undetermined  # a user's effect may have a known strength
+    known = {name: fit.interval(strength) for name, strength in strengths.items() if strength in fitted}
     return tuple(name for name, (low, high) in known.items() if low <= 0.0 <= high)

@@ -11,7 +11,7 @@ _IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
 _REMARK = re.compile(r"(.+[)\]])\s*(\([^()\d]*\)|\[[^\[\]\d]*\])")  # behind the unit; with a digit, it may be a factor
 _AMID = re.compile(r"([^()\[\]]+?)\s*(\([^()]*\)|\[[^\[\]]*\])\s+(?!per\b)([^\W_][^()\[\]/]*)")
 """Header with a unit in brackets before its last words: ``HV (kV) monitor``."""
-_TAIL = re.compile(r"([^()\[\]]+?)\s*(\([^()]*\)|\[[^\[\]]*\])([_.#:/]\s*[^()\[\]]+|\d+|\*+)")
+_TAIL = re.compile(r"([^()\[\]]+?)\s*(\([^()]*\)|\[[^\[\]]*\])((?!:\s?10)[_.#:/]\s*[^()\[\]]+|\d+|\*+)")
 """Header with a unit in brackets before a mark: ``HV (kV).1``, as pandas numbers equal names, or ``HV[kV]/Value``."""
 _QUOTIENT = re.compile(r"(.+?)_([^\W_]+)_(per_)?([^\W\d_][^\W_]*)")
 _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
@@ -31,21 +31,26 @@ _UNIT_ALONE = re.compile(r"(?:in\s+)?(\(.*\)|\[.*\]|(?<=\s)\S+)")
 """Header without a name, of which brackets or the word *in* say that it is a unit: ``[s]``, ``in s``."""
 _OTHER_BRACKETS = re.compile(r"(.*\S)\s*(?:\{([^{}]+)\}|<([^<>]+)>)")
 _APART = re.compile(
-    r"((?:.*\s)?[^\W\d]\S*)\s+((?:[munpkMGc]|[µμ])(?:m|V|A|N|Pa|Hz|F|W|J|[Oo]hm|Ω|bar|g)|Hz|rpm|psi|[°º][CF]|℃|%)"
+    r"((?:.*\s)?[^\W\d](?:\S*[^\s\d])?(?:(?<=[^\W\d_])(?<![/:.\d][xX])\d+)?)\s+((?:[munpkMGc]|[µμ])(?:m|V|A|N|Pa|Hz|F|W|J|[Oo]hm|Ω|bar|g)|Hz|rpm|psi|[°º][CF]|℃|%)"
 )
-"""Header with a unit behind a blank; only units that are no words and no endings of names, as ``V`` in *Phase V*."""
+"""Header with a unit behind a blank; only units that are no words and no endings of names, as ``V`` in *Phase V*.
+The number in *disp_10 Hz* and *f=10 Hz* may belong to the unit."""
 _DOUBTFUL = re.compile("F|l|(?i:in|ft|foot|feet|yd|dm|kp|dyn|kip|ksi|turns?)")
 """Units recognised in brackets only, because names have these endings, too: of forces and lengths, ``u_in``, ``kp``."""
 _OF_NODE = re.compile(r"(?:[vV]\((?![mnuk]?V\))|[iI]\((?![mnpuk]?A\)))\w+\)")
 """Voltage of a node or current of a part, as circuit simulators name them: ``V(in)`` is in no inches."""
-_POWER = r"(?:1[eE][-+]?\d+|10\s?(?:\^|\*\*)\s?\(?[-+]?\d+\)?|10[⁺⁻]?[⁰¹²³⁴-⁹]+|10+(?![\d.]))"
+_TEN_TO = r"1[eE][-+]?\d+|10\s?(?:\^|\*\*)\s?\(?[-+]?\d+\)?|10[⁺⁻]?[⁰¹²³⁴-⁹]+"
+_POWER = rf"(?:{_TEN_TO}|10+(?![\d.]))"
 _FACTOR = re.compile(
-    rf"(?:(?<=[\s_)\]])[xX]|(?<=.)[×*·⋅])\s?{_POWER}|[×*·⋅]\s?\d[\d.]*|(?<=[\s_)\]])[xX]\s?\d{{3,}}|(?<=[^\W\d_])x10{{2,}}(?!\d)"
-    rf"|(?<![\w.]){_POWER}\s?[×*·⋅]|(?<![\w.])10+[xX×](?!\w)"
-    rf"|(?<![\d.])1\s?[:/]\s?10+(?!\d)|(?<!\d)10+\s?:\s?1(?!\d)|(?<=[^\d\s])\s?/\s?{_POWER}"
+    rf"(?<=[\s_()\[\]])[xX]\s?(?:{_POWER}|\d{{3,}})|(?<=.)[×*·⋅]\s?(?:{_TEN_TO})|(?<!\d)(?<!\d\s)[×*·⋅]\s?\d[\d.]*"
+    r"|(?<=[^\W\d_])(?<![Mm]a|[Aa]u|[Bb]o|[Mm]u|lu|de)x10{2,}(?!\d)"  # not in max100 and index100
+    rf"|(?<![\w.]){_POWER}\s?[×*·⋅](?!\s?\d)|(?<![\w.])10+[xX×](?!\w)"
+    r"|(?<![\d.:/])1\s?[:/]\s?10+(?!\d|[:/]\d|\s?(?:Hz|s)\b)|(?<![\d:])10+\s?:\s?1(?!\d|:\d)"  # no dates, no times of day
+    rf"|(?:(?<=[^\d\s])|(?<=[^\W\d_]\d))\s?/\s?{_POWER}|÷\s?\d[\d.]*"
 )
 """Factor in the name of a column, of which nobody knows whether it was applied: ``HV x1000``, ``U/100``, ``1:1000``."""
-_RATIO = re.compile(r"(?<![\d.])\d[\d.]*\s?([^\W\d_]+)\s?(/|=|\bper\b)\s?(?:\d[\d.]*\s?)?([^\W\d_]+)")
+_BEHIND = re.compile(r"[)\]][^()\[\]]*$")
+_RATIO = re.compile(r"(?<![\d.])\d[\d.]*\s?([^\W\d_]+)\s?(/|=|≙|→|->|\bper\b|\bpro\b)\s?(?:\d[\d.]*\s?)?([^\W\d_]+)")
 TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _LIKE_TIME = re.compile("(?i)time|stamp|clock|zeit|elapsed|temps|tiempo")
 _NO_QUANTITIES = frozenset({"counts"})  # Words before a slash that belong to an unknown unit, as in ``counts/s``
@@ -92,12 +97,17 @@ def split_unit(header: str) -> tuple[str, str]:
 def _factor(name: str, header: str) -> str:
     """Return the factor in the name of a column, or the scale of its monitor, such as ``1 V = 1 kV``; else an empty text."""
     name = header if name.endswith("per") else name  # what seems to be the unit ends a scale, as in 1kV_per_V
-    if match := _FACTOR.search(name):
-        return match[0].strip(" _")
+    whole = header.translate(FULL_WIDTH)
+    behind = _BEHIND.search(whole)
+    for text in (name, behind[0] if behind else ""):
+        for match in _FACTOR.finditer(text):
+            if match[0] in whole:  # unlike x 10 in the name of pos_x (mm) 10
+                return match[0].strip(" _")
     for match in _RATIO.finditer(name.replace("_", " ")):
         above, below = (UNITS[find_unit(part)].si for part in (match[1], match[3]))
         electric = ("V", "A")
-        if above and below and (below in electric or (above in electric and match[1] != "kV")):
+        field = match[1] in ("kV", "MV") or f"{match[1]}/{find_unit(match[3])}" == "V/um"
+        if above and below and below != "s" and (below in electric or (above in electric and not field)):
             return match[0]
     return ""
 
@@ -135,7 +145,7 @@ def _split(header: str) -> tuple[str, str]:
     if (match := _AMID.fullmatch(header)) and (found := split_unit(f"{match[1]} {match[2]}"))[1]:
         return f"{found[0]} {match[3]}", found[1]
     if (match := _TAIL.fullmatch(header)) and not find_unit(match[3].lstrip("_.#:/ ")) and not _OF_NODE.match(header):
-        found = _split(f"{match[1]} {match[2]}")
+        found = split_unit(f"{match[1]} {match[2]}")
         if found[1]:
             return f"{found[0]}{match[3]}", found[1]
     match = _IN_BRACKETS.fullmatch(header)

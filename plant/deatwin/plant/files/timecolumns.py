@@ -60,8 +60,11 @@ def time_column(
         found = [column for column in found if holds_times(table, column) or _breaks_off(table, column)] or found
     if len(found) > 1 and needed and not _equal(table, found):
         own = {max((k for k in found if k < column), default=found[0]) for column in taken}  # each before its signals
-        if len(own) == 1 and len({table.headers[column] for column in found}) == 1:
-            return own.pop(), table.units[found[0]]  # of one of several tables side by side
+        if len(own) == 1 and found[0] == 0 and len({table.headers[column] for column in found}) == 1:
+            column = (
+                own.pop()
+            )  # of one of several tables side by side, which begin with their times as the first one does
+            return column, table.units[column]
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
         apart = "so input and output may have clocks of their own; interpolate one to the times of the other, and remove its times"
         if any(_breaks_off(table, column) for column in found):

@@ -60,6 +60,15 @@ def test_the_bounds_are_kept_and_one_is_reached(linear, design):
     assert found.closed_loop_time == pytest.approx(1.0 / crossings[-1], rel=1e-4)
 
 
+@BOTH
+def test_the_phase_margin_is_kept_where_the_crossover_depends_on_the_time_constant(design):
+    """The crossover of the best time constant then lies apart from those of the time constants tried first."""
+    lags = linear_model([0.0, 0.012], [1.0, -1.73, 0.745])
+    found = design(lags, command_limits=(-1.0, 1.0), phase_margin_deg=60.0, max_sensitivity=2.2)
+    omega = brentq(lambda omega: np.log(np.abs(loop_of(lags, found.law, omega))), 1.0, 100.0, xtol=1e-9)
+    assert np.degrees(np.angle(-loop_of(lags, found.law, omega))) == pytest.approx(60.0, abs=0.01)
+
+
 def test_no_other_pi_within_the_bound_has_more_integral_gain(sampled):
     linear = sampled(3.0, [0.5], delay=3)
     best = loop_shaping(linear, command_limits=LIMITS, phase_margin_deg=0.0).law.b[0, 0] / H

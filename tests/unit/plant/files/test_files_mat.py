@@ -192,6 +192,25 @@ def test_numbers_in_an_unknown_scale_are_refused(tmp_path: Path, attribute: str,
 
 
 @pytest.mark.parametrize(
+    ("attribute", "value"),
+    [
+        ("calibration_date", 20240501),
+        ("calibration_year", "2024"),
+        ("last_calibration", "1714521600"),
+        ("calibration_uncertainty", 0.01),
+        ("calibration_id", "4711"),
+        ("attenuation_dB", 0.0),
+    ],
+)
+def test_what_scales_nothing_is_no_scale(tmp_path: Path, attribute: str, value: float | str) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["time_s"], file["displacement_mm"], file["command"] = TIME, COMMAND, COMMAND
+        file["command"].attrs.update({"units": "V", attribute: value})
+    np.testing.assert_array_equal(read_recording(tmp_path / "r.h5").inputs[0], COMMAND)
+
+
+@pytest.mark.parametrize(
     ("said", "refused"), [("1000 V/V", True), (b"1e3", True), ("1", False), ("high", False), ("2024-05-01", False)]
 )
 def test_a_scale_may_be_written_as_text(tmp_path: Path, said: str | bytes, refused: bool) -> None:

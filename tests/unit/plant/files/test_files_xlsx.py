@@ -88,6 +88,19 @@ def test_a_hidden_sheet_is_read_only_by_name(tmp_path: Path) -> None:
     assert read_recording(f"{path}#old", **ASKED).n_samples == 9
 
 
+def test_a_hidden_sheet_is_named_where_the_visible_one_holds_no_samples(tmp_path: Path) -> None:
+    made = openpyxl.Workbook()
+    made.active.append(["Operator", "X"])
+    data = made.create_sheet("raw")
+    for row in (("time_s", "U (V)", "z", "x (mm)"), *[(k, k, 0, 5 * k) for k in range(9)]):
+        data.append(row)
+    data.sheet_state = "hidden"
+    made.save(path := tmp_path / "rec.xlsx")
+    with pytest.raises(DataError, match=r'no samples; a hidden sheet is read if .* "\S*rec\.xlsx#raw"'):
+        read_recording(path, **ASKED)
+    assert read_recording(f"{path}#raw", **ASKED).n_samples == 9
+
+
 def test_times_of_day_go_on_past_midnight(tmp_path: Path) -> None:
     made = openpyxl.Workbook()
     made.active.append(["Time", "U (V)", "remark", "x (mm)"])

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deatwin.plant.errors import DataError
 from deatwin.plant.files import read_recordings
 from deatwin.plant.files.understood import understand
 from deatwin.plant.readoptions import ReadOptions
@@ -113,6 +114,22 @@ def test_of_tables_side_by_side_each_has_its_own_times(write: Write) -> None:
     assert found.recordings == () and "--dt" not in found.options and "--time-column" not in found.options
     path = write("b.csv", "\n".join([f"{head},,{head}", *rows[:20], *(row.split(",,")[0] for row in rows[20:])]))
     assert read_recordings(path, input_column="#2", output_column="#3")[0].n_samples == 40
+
+
+def test_times_of_tables_side_by_side_keep_their_own_units(write: Write) -> None:
+    rows = [f"{0.02 * k:.2f},{k % 7},{k % 5},{40 * k},{k % 3},{k % 4}" for k in range(40)]
+    path = write("a.csv", "\n".join(["t,U,x,t,U,x", "s,V,mm,ms,V,mm", *rows]))
+    for places, step in ((("#2", "#3"), 0.02), (("#5", "#6"), 0.04)):
+        assert read_recordings(path, input_column=places[0], output_column=places[1])[0].sample_time == step
+
+
+def test_times_behind_their_signals_are_to_be_named(write: Write) -> None:
+    rows = [f"{k % 7},{k % 5},{0.02 * k:.2f},{k % 3},{k % 4},{0.04 * k:.2f}" for k in range(40)]
+    path = write("a.csv", "\n".join(["U (V),x (mm),t (s),U (V),x (mm),t (s)", *rows]))
+    with pytest.raises(DataError, match="may hold the times, and they differ"):
+        read_recordings(path, input_column="#4", output_column="#5")
+    (record,) = read_recordings(path, input_column="#4", output_column="#5", time_column="#6")
+    assert record.sample_time == 0.04
 
 
 def test_a_sample_time_in_one_cell_is_passed_over_beside_a_stated_one(write: Write) -> None:

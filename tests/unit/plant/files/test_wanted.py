@@ -266,7 +266,17 @@ def test_a_ratio_in_a_header_is_no_volt(tmp_path: Path) -> None:
         ("1e3*U (V)", "1e3* V"),
         ("Monitor 1V/kV (V)", "1V/kV"),
         ("Monitor 1V=1kV", "1V=1kV"),
+        ("HV 1 V ≙ 1 kV [V]", "1 V ≙ 1 kV"),
+        ("Monitor 1 V -> 1 kV (V)", "1 V -> 1 kV"),
+        ("HV_1kV_pro_V [V]", "1kV pro V"),
         ("HV_mon_1kV_per_V", "1kV per V"),
+        ("HV2/1000 (V)", "/1000 V"),
+        ("HV2 (V)/1000", "/1000 V"),
+        ("Channel 2 (V)/1000", "/1000 V"),
+        ("HV/1000 (V).1", "/1000 V"),
+        ("HV (x1000) (V)", "x1000 V"),
+        ("HV ÷1000 (V)", "÷1000 V"),
+        ("U 5×10³ (V)", "×10³ V"),
     ],
 )
 def test_beside_a_factor_in_its_name_the_unit_of_a_column_is_to_be_stated(
@@ -296,6 +306,15 @@ def test_beside_a_factor_in_its_name_the_unit_of_a_column_is_to_be_stated(
         ("sensor_100_mm", "mm"),
         ("Dev1/ai10 (V)", "V"),
         ("10kHz noise (V)", "V"),
+        ("film 3×3 (mm)", "mm"),
+        ("film 10 × 10 (N)", "N"),
+        ("max100 (N)", "N"),
+        ("pos_x (mm) 10", "mm"),
+        ("1/10/2024 x (mm)", "mm"),
+        ("12:10:1 (V)", "V"),
+        ("sine 1/10 Hz (mm)", "mm"),
+        ("ramp 500 V/s (mm)", "mm"),
+        ("E = 60 V/µm (mm)", "mm"),
     ],
 )
 def test_not_every_number_in_a_name_is_a_factor(header: str, unit: str) -> None:

@@ -19,10 +19,11 @@ _UNITS = re.compile(
     r"(?i)(NI_|engineering)?[ _]?units?([ _]?(string|symbol|description))?"
 )  # Attributes that name units
 _SCALING = re.compile(
-    r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset|factor|multiplier|conversion|calibration|attenuation|divider|lsb)([ _].*)?"
-    r"|.*per[ _]?(count|bit|lsb|unit)"
+    r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset|factor|multiplier|conversion|attenuation|divider|lsb)([ _].*)?"
+    r"|((?!last|next|date|days?[ _]|year|time).*[ _])?calibration([ _](constant|coefficient|value))?|.*per[ _]?(count|bit|lsb|unit)"
 )
-"""Names of attributes that may say how numbers become values; of whole numbers, the resolution may, too."""
+"""Names of attributes that may say how numbers become values; of whole numbers, the resolution may, too. Dates and
+numbers of a calibration do not."""
 _QUOTIENT = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*([^\d\s/:]+/[^\d\s/:]+)?\s*")
 _FILLS = re.compile(
     r"(?i)_?fill_?value|missing_?value|no_?data(_?value)?"
@@ -184,7 +185,8 @@ def require_no_scale(attributes: Mapping[str, Any], place: str, path: str, *, wh
     unit = " ".join(units_of(attributes))
     for name, number in (_quotients(attributes) | numeric(attributes)).items():
         scales = _SCALING.fullmatch(name) or (whole and name.lower() == "resolution")
-        if scales and number != float("offset" not in name.lower()) and unit.lower() not in _COUNTED:
+        neutral = 0.0 if re.search(r"(?i)offset|[ _]db$", name) else 1.0
+        if scales and number != neutral and unit.lower() not in _COUNTED:
             raise DataError(
                 f'{path}: "{clipped(place)}" is in {clipped(unit)}, and its attribute "{clipped(name)}" is {number:g}, '
                 "which is not applied; scale the values and remove it, or only remove it if they are in "

@@ -42,14 +42,18 @@ def read_xlsx(path: str | Path) -> CsvTable:
         raise DataError(f'{name}: no sheet "{clipped(wanted)}" with cells{nearest(wanted, filled)}; there are {titles}')
     if wanted:
         filled = {wanted: filled[wanted]}
-    elif shown := {title: lines for title, lines in filled.items() if title in seen}:
-        filled = shown
+    hidden = [title for title in filled if title not in seen and not wanted]
+    if len(hidden) < len(filled):
+        filled = {title: lines for title, lines in filled.items() if title not in hidden}
     tables = {}
     for title, lines in filled.items() or [("", [])]:
         try:
             rows, texts = zip(*lines, strict=True) if lines else ((), ())
             tables[title] = table_of(texts, rows, str(path), hashlib.sha256(content).hexdigest())
-        except DataError:  # a sheet of notes, beside the one with samples
+        except DataError as error:  # a sheet of notes, beside the one with samples
+            if len(filled) < 2 and hidden and hidden[0] not in filled:
+                advice = f'a hidden sheet is read if you name it behind the file, as in "{name}#{clipped(hidden[0])}"'
+                raise DataError(f"{error}; {advice}") from None
             if len(filled) < 2:
                 raise
     if len(tables) == 1:
