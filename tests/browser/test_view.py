@@ -165,7 +165,7 @@ def test_a_recording_is_dropped_diagnosed_and_compared(
     page.says(".job .verdict", "done", 180)
     table = page.says(".compared", "diagnosis-1")
     assert (
-        "nothing that the model lacks" in table and "The film keeps creeping" in table and "0.140 → 0.00200 N" in table
+        "no missing physics" in table and "The film keeps creeping" in table and "0.140 → 0.00200 N" in table
     )
     assert (folder / "diagnosis-1" / "run.json").is_file()
     page.until("return document.querySelectorAll('.compared svg').length === 2")
@@ -176,7 +176,7 @@ def test_a_recording_is_dropped_diagnosed_and_compared(
     asked = tab.requests()
     assert asked and [url for url in asked if not url.startswith((own, own.replace("http", "ws")))] == []
     tab.open(page.until("return document.querySelector('.job a').href"))
-    assert "nothing that the model lacks" in tab.run("return document.querySelector('h1').innerText")
+    assert "no missing physics" in tab.run("return document.querySelector('h1').innerText")
     assert tab.errors() == []
 
 
