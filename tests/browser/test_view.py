@@ -164,9 +164,7 @@ def test_a_recording_is_dropped_diagnosed_and_compared(
     page.says(".job", "calibrating the model", 120)
     page.says(".job .verdict", "done", 180)
     table = page.says(".compared", "diagnosis-1")
-    assert (
-        "no missing physics" in table and "The film keeps creeping" in table and "0.140 → 0.00200 N" in table
-    )
+    assert "no missing physics" in table and "The film keeps creeping" in table and "0.140 → 0.00200 N" in table
     assert (folder / "diagnosis-1" / "run.json").is_file()
     page.until("return document.querySelectorAll('.compared svg').length === 2")
     look_at(tab, axe)

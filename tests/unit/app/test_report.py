@@ -97,7 +97,7 @@ def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_
     page = page_of(replace(with_everything(), location=located), tmp_path)
     cells = [re.sub("<[^>]*>", "", cell) for cell in re.findall("<td.*?</td>", page)]
     rows = dict(pairwise(cells))
-    assert rows["film: permittivity"] == "0 % explained by any effect, 66 % predicted by the signals there"
+    assert rows["film: permittivity"] == "0 % explained by any effect there, 66 % predicted by the signals there"
     assert (rows["ball"], rows["sensor"]) == ("50 % predicted by the signals there", "30 % explained by an effect")
     assert unescape(rows["drive"]) == "20 % explained by drift of the amplifier's gain alone"
     assert [c for c in cells if c in ("film: permittivity", "ball", "sensor")] == [
@@ -345,7 +345,7 @@ def test_the_page_shows_every_step_in_order(whole: str) -> None:
         "not tested: it hardly differs",
         "-126 ± 8 %",
         "not determined",
-        "0 to 49.99 s after the start of the recording or the last rest of the command",
+        "during rests and up to 50.0 s after the start of the recording or the end of the most recent rest of the command",
         "displacement rate from -332 to 326 µm/s",
         "<td>falling reading</td>",
         "The strength of creep is not constant: in a fit that lets it vary, it changes by -126 % over the fitted data",

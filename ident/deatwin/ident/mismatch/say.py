@@ -247,17 +247,22 @@ def ends(region: Region) -> tuple[float, float]:
     return low, high
 
 
+def since_rest(region: Region) -> str:
+    """Return a range of the time since the command rested, in the words of a condition; it is 0 during a rest."""
+    low, high = ends(region)
+    begins = "during rests and up" if low <= 0.0 else number(low)
+    return f"{begins} to {number(high)} s after the start of the recording or the end of the most recent rest of the command"
+
+
 def _in(region: Region, diagnosis: Diagnosis) -> str:
     """Return a range of an operating signal, in the words of a condition."""
     if region.signal == BRANCH:
         return f"while the reading {'rises' if region.high > 0 else 'falls'}"
+    if region.signal == SINCE_REST:
+        return since_rest(region)
     span, signal = " to ".join(number(end) for end in ends(region)), spaced(region.signal)
     article = "an" if signal[:1].lower() in "aeio" else "a"
-    return (
-        f"from {span} s after the start of the recording or the last rest of the command"
-        if region.signal == SINCE_REST
-        else f"at {article} {signal} from {span} {unit_of(region.signal, diagnosis)}".rstrip()
-    )
+    return f"at {article} {signal} from {span} {unit_of(region.signal, diagnosis)}".rstrip()
 
 
 def _unknown(diagnosis: Diagnosis) -> list[str]:

@@ -366,8 +366,8 @@ def draw_nyquist(view: View, controller: Controller) -> Drawing:
         if loops.band is not None:
             caption += " The ellipses are the simultaneous 95 % band of the loop gain of the identified model."
         caption += (
-            " The disk margin passes if the curve stays outside the larger disk, and fails if the curve enters the smaller "
-            "disk."
+            " The disk margin fails if the loop gain enters the smaller disk. It passes if, with 95 % confidence, the loop "
+            "gain stays outside the larger disk at all operating points."
         )
         columns: Columns = {"frequency_Hz": loops.frequency_Hz}
         for source, values in loops.values.items():

@@ -13,7 +13,7 @@ from importlib.resources import files
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-from deatwin.ident.mismatch.say import ends, risk
+from deatwin.ident.mismatch.say import ends, risk, since_rest
 from deatwin.plant.effects.titles import effects_in_words
 from deatwin.plant.prefixes import time_span
 from deatwin.plant.words import as_sentence
@@ -113,6 +113,7 @@ def templates(package: str) -> Environment:
         "likely": likely,
         "plain": effects_in_words,
         "ends": ends,
+        "since_rest": since_rest,
     }
     environment.filters |= {"quantity": quantity, "raised": raised, "sentence": as_sentence, "time_span": time_span}
     environment.finalize = unbroken

@@ -74,7 +74,7 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
                 (WIDTH, 3.4),
                 "Frequencies of the periodic input",
                 "Rms residual at the harmonics of the periodic input. The first bars show the part that repeats in every "
-                "period, and the last bar shows the part that does not. A small p-value means that the part is unlikely to be due to chance.",
+                "period, and the last bar shows the part that does not. A small p-value means that noise alone would rarely cause so large a part.",
                 lambda figure: lines.plot(figure.add_subplot(), unit=location.unit),
             )
     if (discovery := findings.discovery) is not None:
@@ -101,8 +101,8 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
             (WIDTH, 1.3 + ROW * rows),
             "Errors on held-out data",
             f"Errors before and after the explanation is added, on all held-out data{parts}. In the other rows, "
-            "one effect of the explanation is removed, or replaced by a placebo. A placebo must not fit as well as the real "
-            "effect.",
+            "one effect of the explanation is removed, or replaced by a placebo, a copy of it with wrong physics, which "
+            "should fit less well.",
             lambda figure: held.plot(figure.add_subplot()),
         )
     return found
