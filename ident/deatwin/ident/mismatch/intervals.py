@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
+import numpy as np
+
 from deatwin.ident.greybox.covariance import with_errors
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.likelihood.several import own_errors
@@ -25,11 +27,24 @@ def with_own_errors(fit: Calibration, problem: DiagnosisProblem, noise: float) -
 
 
 def perhaps_absent(fit: Calibration, effects: Collection[str]) -> tuple[str, ...]:
-    """Return those of some effects whose 95 % interval of the strength includes zero."""
-    # A film's relaxing modulus, for example, is known only as a share of its other modulus, because the permittivity
-    # scales both. No interval tells of such a strength whether it is zero; the ablation does.
+    """Return those of some effects whose strength may be zero, by its 95 % interval at the values of their other
+    parameters.
+    """
+    # An effect without strength has no time constant, say, so the question is asked at the fitted one: a drift may become
+    # large and slow together, but not small. A film's relaxing modulus is known only as a share of its other modulus,
+    # because the permittivity scales both. No interval tells of such a strength whether it is zero; the ablation does.
     added = [effect for effect in fit.plant.effects if effect.name in effects]
     strengths = {effect.name: f"{effect.name}.{effect.strength}" for effect in added}
     fitted = set(fit.names) - fit.undetermined  # a user's effect may have a known strength
-    known = {name: fit.interval(strength) for name, strength in strengths.items() if strength in fitted}
+    known = {name: _at_its_shape(fit, name, strength) for name, strength in strengths.items() if strength in fitted}
     return tuple(name for name, (low, high) in known.items() if low <= 0.0 <= high)
+
+
+def _at_its_shape(fit: Calibration, effect: str, strength: str) -> tuple[float, float]:
+    """Return the 95 % interval of a strength, given the effect's other parameters."""
+    k = fit.names.index(strength)
+    known = set(fit.names) - fit.undetermined - {strength}
+    others = [i for i, name in enumerate(fit.names) if name in known and name.startswith(f"{effect}.")]
+    spread = fit.covariance.copy()
+    spread[k, k] -= spread[k, others] @ np.linalg.pinv(spread[np.ix_(others, others)]) @ spread[others, k]
+    return replace(fit, covariance=spread).interval(strength)

@@ -63,8 +63,8 @@ class Verification(Described):
     whole : Calibration or None
         The plant with the explanation, calibrated on all data. None if this was not needed.
     perhaps_absent : tuple of str
-        Names of the effects whose strength may be zero, since its 95 % interval includes zero. Empty for a single
-        effect, whose absence the detection tests.
+        Names of the effects whose strength may be zero: its 95 % interval includes zero, at the fitted values of the
+        effect's other parameters. Empty for a single effect, whose absence the detection tests.
     one_clock : tuple of str
         Names of two effects with the same time constant, which may be a single effect of another kind. Empty if there
         are none.
@@ -143,7 +143,7 @@ class Verification(Described):
             if c.change is not None and not c.holds
         ]
         found += [
-            f"the strength of {effect} may be zero, because its 95 % interval includes zero"
+            f"the strength of {effect} may be zero, even at the fitted values of its other parameters"
             for effect in self.perhaps_absent
         ]
         if self.one_clock:
