@@ -362,7 +362,7 @@ class Row:
     @property
     def arguments(self) -> list[str]:
         words = shlex.split(self.given)
-        has_none = "--out" in words or words[0] == "view"
+        has_none = "--out" in words or words[0] in ("view", "doctor")
         return [*words, *(["--out", "new"] if self.status == 1 and not has_none else [])]
 
     @property

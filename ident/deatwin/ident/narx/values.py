@@ -71,11 +71,6 @@ def require_terms(model: NarxModel) -> None:
             "a NARX model needs at least one term, and each only once; "
             f"got {', '.join(map(str, model.terms)) or 'none'}"
         )
-    variables = model.table.variables
-    if len({(v.kind, v.index, v.lag, v.shape) for v in variables}) != len(variables):
-        raise ModelError(
-            f"u and u1 (or y and y1) are the same signal; use one of them in {', '.join(map(str, model.terms))}"
-        )
     for kind, signals, names in (
         ("u", "inputs", model.input_names),
         ("y", "outputs", model.output_names),

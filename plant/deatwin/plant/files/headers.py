@@ -43,7 +43,7 @@ _TEN_TO = r"1[eE][-+]?\d+|10\s?(?:\^|\*\*)\s?\(?[-+]?\d+\)?|10[⁺⁻]?[⁰¹²�
 _POWER = rf"(?:{_TEN_TO}|10+(?![\d.]))"
 _FACTOR = re.compile(
     rf"(?<=[\s_()\[\]])[xX]\s?(?:{_POWER}|\d{{3,}})|(?<=.)[×*·⋅]\s?(?:{_TEN_TO})|(?<!\d)(?<!\d\s)[×*·⋅]\s?\d[\d.]*"
-    r"|(?<=[^\W\d_])(?<![Mm]a|[Aa]u|[Bb]o|[Mm]u|lu|de)x10{2,}(?!\d)"  # not in max100 and index100
+    r"|(?<=[A-Z])x10{2,}(?!\d)"  # unlike in max100 and index100
     rf"|(?<![\w.]){_POWER}\s?[×*·⋅](?!\s?\d)|(?<![\w.])10+[xX×](?!\w)"
     r"|(?<![\d.:/])1\s?[:/]\s?10+(?!\d|[:/]\d|\s?(?:Hz|s)\b)|(?<![\d:])10+\s?:\s?1(?!\d|:\d)"  # no dates, no times of day
     rf"|(?:(?<=[^\d\s])|(?<=[^\W\d_]\d))\s?/\s?{_POWER}|÷\s?\d[\d.]*"

@@ -14,7 +14,7 @@ from deatwin.app.options import Jobs, Json, Quiet
 from deatwin.studies.voice import Voice
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from deatwin.plant.model import Plant
 
@@ -83,6 +83,9 @@ def doctor(
     from deatwin.plant.integrator.compiled import compiler
     from deatwin.studies.provenance import versions
 
+    if rig is not None and not warm:
+        raise typer.BadParameter("it needs --warm", param_hint="--rig")
+    needed = list(_needed(rig)) if warm else []
     voice = Voice(as_json=as_json, quiet=quiet)
     program, optional = compiler(), versions(part.package for part in OPTIONAL)
     found = {
@@ -100,7 +103,7 @@ def doctor(
     width = max(len(label) for label, _ in lines)
     for label, text in lines:
         voice.say(f"{label:{width}} {text}")
-    compiled = _warm(voice, jobs, rig) if warm else 0
+    compiled = _warm(voice, jobs, needed) if program else 0
     if warm:
         voice.say(
             f"{compiled} plants are compiled" if program else "nothing was compiled, because there is no compiler"
@@ -162,18 +165,12 @@ def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "data", f"{data['folder']}: {', '.join(data['holds']) or 'empty'} ({data['variable']})"
 
 
-def _warm(voice: Voice, jobs: int, rig: str | None) -> int:
-    """Compile the plants that a diagnosis with a rig file needs, or one of a diaphragm; return how many."""
+def _warm(voice: Voice, jobs: int, plants: Sequence[Plant]) -> int:
+    """Compile plants; return how many."""
     from deatwin.ident.parallel import run_jobs
-    from deatwin.plant.integrator.compiled import compiler
-    from deatwin.plant.model import Plant
-    from deatwin.plant.rigs.diaphragm import Diaphragm
-    from deatwin.plant.sources import load_plant
 
-    nominal = Plant(rig=Diaphragm(ball_is_known=False)) if rig is None else load_plant(rig).plant
-    if compiler() is None:
+    if not plants:
         return 0
-    plants = list(_needed(nominal))
     with voice.progress("compiling") as progress:
         run_jobs(
             _compile,
@@ -184,13 +181,19 @@ def _warm(voice: Voice, jobs: int, rig: str | None) -> int:
     return len(plants)
 
 
-def _needed(nominal: Plant) -> Iterator[Plant]:
-    """Yield the plants of a diagnosis: in each variant of the rig the plant, a finer one, and the plant with each effect."""
+def _needed(source: str | None) -> Iterator[Plant]:
+    """Yield the plants of a diagnosis with a rig file, or one of a diaphragm: in each variant of the rig the plant, a
+    finer one, and the plant with each effect.
+    """
     from deatwin.ident.mismatch.prepare import elsewhere
     from deatwin.ident.mismatch.refit.base import FEWER
     from deatwin.plant.effects.base import Alone
+    from deatwin.plant.model import Plant
     from deatwin.plant.model_error import Refinable
+    from deatwin.plant.rigs.diaphragm import Diaphragm
+    from deatwin.plant.sources import load_plant
 
+    nominal = Plant(rig=Diaphragm(ball_is_known=False)) if source is None else load_plant(source).plant
     read = nominal.rig.reading  # which is no part of the equations
     for rig in dict.fromkeys(replace(variant, reading=read) for variant in (nominal.rig, *nominal.rig.rivals())):
         plant = nominal.with_rig(rig)
