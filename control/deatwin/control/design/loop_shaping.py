@@ -210,11 +210,8 @@ class _Loops:
     def fastest(self) -> tuple[float, float]:
         """Return the largest integral gain within the bounds, and the time constant that belongs to it."""
         times, omega, values = self.times, self.omega, self.table
-        for width in (
-            1e-2,
-            1e-3,
-            1e-4,
-        ):  # refined each time between the neighbours of the best, and near their crossovers
+        # Times are refined between the neighbours of the best, and frequencies near the crossovers of these.
+        for width in (1e-2, 1e-3, 1e-4):
             largest = self.bounds.largest_gain(values)
             best = int(np.argmax(largest))
             low, high = max(best - 1, 0), min(best + 1, times.size - 1)

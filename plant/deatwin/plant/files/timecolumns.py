@@ -61,9 +61,7 @@ def time_column(
     if len(found) > 1 and needed and not _equal(table, found):
         own = {max((k for k in found if k < column), default=found[0]) for column in taken}  # each before its signals
         if len(own) == 1 and found[0] == 0 and len({table.headers[column] for column in found}) == 1:
-            column = (
-                own.pop()
-            )  # of one of several tables side by side, which begin with their times as the first one does
+            (column,) = own  # of one of several tables side by side, each of which begins with its times
             return column, table.units[column]
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
         apart = "so input and output may have clocks of their own; interpolate one to the times of the other, and remove its times"

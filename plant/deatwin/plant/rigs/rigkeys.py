@@ -160,24 +160,15 @@ DRIVE: Keys = {
         required=False,
         about="largest current out of it: 0 for a converter that cannot sink; the limit above if left out",
     ),
-    "series_resistance_Mohm": NumberKey(
-        field="series_resistance",
-        lower=1e-6,
-        upper=1e6,
-        per_si=1e-6,
-        required=False,
-        slips=_MOHM,
-        about="between drive and film",
-    ),
-    "bleed_resistance_Mohm": NumberKey(
-        field="bleed_resistance",
-        lower=1e-3,
-        upper=1e6,
-        per_si=1e-6,
-        required=False,
-        slips=_MOHM,
-        about="across the film",
-    ),
+    **{
+        f"{field}_Mohm": NumberKey(
+            field=field, lower=lower, upper=1e6, per_si=1e-6, required=False, slips=_MOHM, about=about
+        )
+        for field, lower, about in (
+            ("series_resistance", 1e-6, "between drive and film"),
+            ("bleed_resistance", 1e-3, "across the film"),
+        )
+    },
     "parallel_capacitance_pF": NumberKey(
         field="parallel_capacitance", lower=0.0, upper=1e9, per_si=1e12, required=False, about="across the film"
     ),
