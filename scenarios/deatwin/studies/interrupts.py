@@ -30,14 +30,18 @@ def forward_signals(*signals: signal.Signals) -> Iterator[None]:
     """Remember Ctrl-C while a command runs, if Python handles it; it is raised as usual."""
     ours = threading.current_thread() is threading.main_thread()
     taken = [s for s in signals or (signal.SIGINT,) if ours and signal.getsignal(s) is ORDINARY[s]]
-    handler, hook = _Remembering(), sys.unraisablehook
+    handler, hook, of_threads = _Remembering(), sys.unraisablehook, threading.excepthook
 
     def unraisable(told: Any) -> None:
         if told.exc_type is not KeyboardInterrupt:  # one that a callback swallows is remembered by the handler
             hook(told)
 
+    def in_a_thread(told: threading.ExceptHookArgs) -> None:
+        if not handler.asked.is_set():  # afterwards, threads fail that still send jobs to the ended workers
+            of_threads(told)
+
     if taken:
-        sys.unraisablehook = unraisable
+        sys.unraisablehook, threading.excepthook = unraisable, in_a_thread
     for number in taken:
         signal.signal(number, handler)
     try:
@@ -50,6 +54,8 @@ def forward_signals(*signals: signal.Signals) -> Iterator[None]:
     finally:
         if taken:
             sys.unraisablehook = hook
+            if not handler.asked.is_set():  # else the program ends, and its threads with it
+                threading.excepthook = of_threads
         if handler.asked.is_set() and (parallel := sys.modules.get("deatwin.ident.parallel")):
             parallel.end_workers()
         for number in taken:

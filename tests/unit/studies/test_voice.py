@@ -4,6 +4,7 @@ import io
 import re
 import signal
 import sys
+import threading
 import time
 from contextlib import suppress
 from typing import Any
@@ -200,6 +201,26 @@ def test_an_interrupt_that_a_callback_swallows_is_obeyed_and_not_printed() -> No
         assert printed == []
     finally:
         sys.unraisablehook = hook
+        signal.signal(signal.SIGINT, before)
+
+
+def test_errors_of_threads_are_printed_only_until_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, printed = signal.signal(signal.SIGINT, signal.default_int_handler), []
+    monkeypatch.setattr(threading, "excepthook", printed.append)
+
+    def fail() -> None:
+        thread = threading.Thread(target=[].pop)
+        thread.start()
+        thread.join()
+
+    try:
+        with pytest.raises(KeyboardInterrupt), forward_signals(*ORDINARY):
+            fail()
+            assert [told.exc_type for told in printed] == [IndexError]
+            signal.raise_signal(signal.SIGINT)
+        fail()  # as a thread does that sends a job to workers that are gone
+        assert len(printed) == 1
+    finally:
         signal.signal(signal.SIGINT, before)
 
 
