@@ -12,14 +12,12 @@ from math import sqrt
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack, solve_triangular
 
 from deatwin.ident.state_space import StateSpace, covariance_root
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.integrator.compiled import compile_source, compiler
-
-Array = NDArray[np.float64]
 
 
 def update_root(root: Array, row: Array, noise_variance: float) -> tuple[Array, Array, float]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
+
 FEWEST_LEVELS = 50  # Fewest values of a continuous signal; one with fewer moves in steps, and its holds are intended
 SHORTEST_ROW = 3
 RISE_SAMPLES = 10

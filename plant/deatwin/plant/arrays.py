@@ -7,6 +7,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.errors import DataError, ModelError
 
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Integers = NDArray[np.int64]
+Indices = NDArray[np.intp]
+Booleans = NDArray[np.bool_]
+
 
 def seconds(value: object, what: str) -> float:
     """Return one number of seconds; DataError for anything else, such as a time vector."""
@@ -19,7 +25,7 @@ def seconds(value: object, what: str) -> float:
         ) from None
 
 
-def real_numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
+def real_numbers(values: ArrayLike, what: str) -> Array:
     """Return real numbers as an array, with NaN where a masked array hides a value; DataError for anything else."""
     try:
         given = np.ma.filled(values.astype(np.float64), np.nan) if isinstance(values, np.ma.MaskedArray) else values
@@ -31,7 +37,7 @@ def real_numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
         raise DataError(f"{what} must be an array of real numbers, with rows of the same length") from None
 
 
-def rows_of_signals(values: ArrayLike, what: str) -> NDArray[np.float64]:
+def rows_of_signals(values: ArrayLike, what: str) -> Array:
     """Return signals as rows; DataError if there is no sample, or if they stand in columns."""
     rows = np.atleast_2d(real_numbers(values, what))
     if len(rows) and not rows.shape[1]:
@@ -49,7 +55,7 @@ def texts(given: Sequence[str]) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
 
 
-def read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+def read_only(array: Array) -> Array:
     """Return values as a read-only array, without a copy if nobody can change them."""
     part: object = array
     # The columns of a data frame are read-only views of an array that changes with the frame.

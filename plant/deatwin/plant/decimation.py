@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.arguments import instance, taking
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 
-Array = NDArray[np.float64]
 _PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # Edges of the filter, relative to the new Nyquist frequency
 
 

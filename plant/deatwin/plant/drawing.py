@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
 else:  # matplotlib is loaded only by what draws
     Axes = Axis = Figure = Any
-
-Array = NDArray[np.float64]
 
 
 def axes_or_new(ax: Axes | None) -> Axes:

@@ -22,14 +22,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.arguments import instance, taking
-from deatwin.plant.arrays import real_numbers, seconds
+from deatwin.plant.arrays import Array, real_numbers, seconds
 from deatwin.plant.decimation import decimate, low_pass_gain
 from deatwin.plant.errors import DataError
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 
-Floats = NDArray[np.float64]
 _GAP = 5.0  # Step above which there is a gap, in usual steps; the module's docstring gives the reason
 _FOLDED = 1.1
 """Longest sample time without filtering, in usual steps. It folds only the last tenth of the band, of which linear
@@ -51,15 +50,15 @@ class Resampling:
 
     sample_time: float
     factor: int  # Ratio of the new sample time to that of the finer clock from which the samples are decimated
-    clocks: tuple[Floats, ...]  # Finer clock of each piece between gaps, s
+    clocks: tuple[Array, ...]  # Finer clock of each piece between gaps, s
     rows: tuple[tuple[int, int], ...]  # First row of each piece, and the row after its last one
-    timepts: Floats  # Times of the rows, s
+    timepts: Array  # Times of the rows, s
     reading: ReadingTime
     means: Collection[str]  # Names of the readings that are means over a row
     shorter: float  # Length of an old row minus that of a finer row, s
 
     @property
-    def steps(self) -> Floats:
+    def steps(self) -> Array:
         """Times between successive rows of one piece, s."""
         return np.concatenate([np.diff(self.timepts[first:last]) for first, last in self.rows])
 
@@ -91,14 +90,14 @@ class Resampling:
         """How much sooner after its row's time a reading is taken in the finer rows than in the old ones, s."""
         return _TAKEN[self.reading] * self.shorter
 
-    def readings(self, piece: int, values: Floats, name: str) -> Floats:
+    def readings(self, piece: int, values: Array, name: str) -> Array:
         """Return a reading on the finer clock of a piece."""
         first, last = self.rows[piece]
         averaged = name in self.means and self.reading is not ReadingTime.MEAN_OVER_HOLD
         late = self.late - 0.5 * self.shorter if averaged else self.late
         return np.interp(self.clocks[piece] - late, self.timepts[first:last], values[first:last])
 
-    def commands(self, piece: int, values: Floats) -> Floats:
+    def commands(self, piece: int, values: Array) -> Array:
         """Return a command on the finer clock of a piece: levels of a staircase, means of any other."""
         first, last = self.rows[piece]
         times, levels, clock = self.timepts[first:last], values[first:last], self.clocks[piece]
@@ -109,7 +108,7 @@ class Resampling:
         area = np.concatenate([[0.0], np.cumsum(levels * np.diff(ends))])
         return np.diff(np.interp([clock, clock + hold], ends, area), axis=0)[0] / hold
 
-    def _interpolation(self, frequencies: Floats) -> NDArray[np.complex128]:
+    def _interpolation(self, frequencies: Array) -> NDArray[np.complex128]:
         """Return the mean gain of the interpolation over the new rows, given the times of the old ones."""
         before, after = [], []
         for clock, (first, last) in zip(self.clocks, self.rows, strict=True):
@@ -126,7 +125,7 @@ class Resampling:
 
 
 def plan_resampling(
-    timepts: Floats,
+    timepts: Array,
     sample_time: float,
     where: Callable[[int], str],
     *,
@@ -193,7 +192,7 @@ def plan_resampling(
     )
 
 
-def resampling_options(timepts: Floats, usual: float | None = None) -> ReadOptions | None:
+def resampling_options(timepts: Array, usual: float | None = None) -> ReadOptions | None:
     """Return the options that bring rows at uneven times, s, onto an even clock; None where none do."""
     if len(timepts) < 2 or not (np.diff(timepts) > 0.0).all():
         return None
@@ -207,7 +206,7 @@ def resampling_options(timepts: Floats, usual: float | None = None) -> ReadOptio
     return None
 
 
-def _clock(times: Floats, origin: float, sample_time: float, factor: int, late: float) -> Floats:
+def _clock(times: Array, origin: float, sample_time: float, factor: int, late: float) -> Array:
     """Return the times of the finer clock within a piece, aligned with the new clock, that have a command and a reading."""
     start = origin + sample_time * math.ceil((times[0] + max(late, 0.0) - origin) / sample_time - _SAME)
     fine = sample_time / factor

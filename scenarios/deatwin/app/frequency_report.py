@@ -16,6 +16,7 @@ from deatwin.ident.frequency.output_responses.excitation import TestSignal
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
 from deatwin.ident.narx import Reliance, ValidationStatus
+from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import Figure
 from deatwin.plant.prefixes import prefixed
 from deatwin.plant.words import as_sentence
@@ -23,8 +24,6 @@ from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
-
-Array = NDArray[np.float64]
 
 USE = "use the responses at this operating point"
 MISSED = "do not rely on responses that miss a goal below; identify a better model, or record longer."

@@ -11,7 +11,6 @@ from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, remove_dc
 from deatwin.ident.frequency.gfrf import names_of
@@ -23,11 +22,10 @@ from deatwin.ident.frequency.uncertainty.propagate import Propagated, Uncertaint
 from deatwin.ident.narx import NarxModel, Reliance
 from deatwin.ident.narx.excited import BAND_KEY, number_of
 from deatwin.plant.amplitudes import amount
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.words import listed
-
-Array = NDArray[np.float64]
 
 POINTS, DECADES = 200, 3  # Number of frequencies of H_1, and decades below half the sampling rate that they span
 SIDE, COARSE_SIDE = 41, 21  # Frequencies on each axis of a map, of orders up to three and beyond

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.app.identify_periodic import periodic_drawing
 from deatwin.ident.look import BestLinearApproximation
@@ -26,7 +25,6 @@ from deatwin.studies.report.drawing import Drawing, Hue, draw
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
 from deatwin.studies.report.tables import drawn_table
 
-Array = NDArray[np.float64]
 NEXT = {
     True: "use the model within the range and frequencies of these inputs.",
     False: "try other lags, another --degree or another --method; the table below shows which goal the model misses.",

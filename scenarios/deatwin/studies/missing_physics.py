@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.ident.parallel import run_jobs
+from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import envelope
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
@@ -34,7 +34,6 @@ from deatwin.studies.stories import Setting
 from deatwin.studies.voice import Progress
 
 WORDS = Words(__package__)
-Array = NDArray[np.float64]
 BLACK_BOXES = (LINEAR, REFINED, GROWN)  # Black boxes that are compared with the plant; the last two are NARX models
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import finite, function, generator, instance, numbers, pair, positive, taking, whole
 from deatwin.control.checking.given import (
@@ -42,11 +42,10 @@ from deatwin.control.progress import Progress
 from deatwin.ident.arguments import real_numbers
 from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.ident.narx.residual import DivergedError
+from deatwin.plant.arrays import Array
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 POINTS = 5  # Number of operating points at which margins are judged if none are given
 

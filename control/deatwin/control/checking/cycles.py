@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.checking.amounts import amount
 from deatwin.control.checking.specification import Specification, Verdict
@@ -18,11 +17,9 @@ from deatwin.control.stability.describing import quantiser, saturation
 from deatwin.control.stability.limit_cycles import LimitCycle, limit_cycles
 from deatwin.control.stability.loops import loop_margins
 from deatwin.control.stability.polynomials import in_series
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.model import Plant
 from deatwin.plant.words import listed
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 SIZES = (0.02, 0.06, 0.2, 0.6, 0.95)
 """Amplitudes of the command at which the plant is measured, as shares of the distance to its limits."""

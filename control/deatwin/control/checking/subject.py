@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.checking.cycles import judge_cycles
 from deatwin.control.checking.result import Check
@@ -39,11 +38,10 @@ from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.ident.narx.excited import Excitation
 from deatwin.ident.narx.residual import Residual
+from deatwin.plant.arrays import Array
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.base import ReadingTime
-
-Array = NDArray[np.float64]
 
 STICKING = ("hysteresis", "coulomb_friction")
 """Effects that act as a spring or a damper on small motions, and do not affect the dynamics of large ones. Margins are

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.checking.verdict import Runs
 from deatwin.control.controllers.base import Controller
@@ -14,9 +13,8 @@ from deatwin.control.linear.model import LinearModel
 from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
 from deatwin.control.loop.references import LEVELS, sine_reference, step_reference
 from deatwin.control.progress import Progress, part
+from deatwin.plant.arrays import Array
 from deatwin.plant.model import Plant
-
-Array = NDArray[np.float64]
 
 STEP_SHARE = 0.3  # Amplitude of the references, as a share of the stroke from the operating point to the nearer limit
 PLATEAU = 10.0  # Time for which a step's level is held, in closed-loop times

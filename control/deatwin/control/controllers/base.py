@@ -9,17 +9,15 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import finite, positive, require_fields
 from deatwin.control.controllers.law import Law
 from deatwin.control.errors import ControlError
+from deatwin.plant.arrays import Array
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

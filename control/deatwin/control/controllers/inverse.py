@@ -18,14 +18,13 @@ from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
 from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.amplitudes import amount
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, coordinate, gain_unit, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
-
-Array = NDArray[np.float64]
 
 _CELLS = 32  # Number of points of the table in each piece of the cubic
 _STEPS = 60  # Largest number of steps: bisection reaches rounding in 60, Newton's method in two or three

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import numbers, require_fields
 from deatwin.control.errors import ControlError
 from deatwin.ident.arguments import keep_read_only
+from deatwin.plant.arrays import Array
 
 if TYPE_CHECKING:
     from control import StateSpace
 
 
-Array = NDArray[np.float64]
 Polynomials = tuple[Array, Array]  # Numerator and denominator, coefficients of z^0, z^-1, ..
 
 REFERENCE, READING = 0, 1

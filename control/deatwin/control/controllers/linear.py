@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import instance, numbers, require_fields
 from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import READING, REFERENCE, Law
 from deatwin.control.errors import ControlError
 from deatwin.ident.arguments import keep_read_only
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,15 +8,14 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import each, instance, numbers, require_fields
 from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import READING, REFERENCE, Law
 from deatwin.control.errors import ControlError
 from deatwin.ident.arguments import keep_read_only, read_only
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 _ROUNDING = 1e-9  # Rounding error of the equations of rest, in units of the states' steps
 

@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.arguments import instance, number, taking
 from deatwin.control.controllers.inverse import InverseController
 from deatwin.control.controllers.law import Law
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from deatwin.plant.arrays import Array, Complex
 
 _LAGS = (0.1, 0.4, 1.6)
 """Time constants of the filter, in periods of the upper end of the band, so that the filter follows creep within the

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from deatwin.plant.arrays import Array, Complex
 
 _REAL = 0.01
 """Largest ratio of oscillation to decay of a pair of poles that counts as a double lag (damping 1 - 5e-5), because

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import number, pair, taking
 from deatwin.control.controllers.law import Law
@@ -18,12 +18,11 @@ from deatwin.control.design.states import States, integrating
 from deatwin.control.errors import ControlError, MissingPackageError
 from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.control.stability.loops import loop_margins
+from deatwin.plant.arrays import Array
 
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
 
-
-Array = NDArray[np.float64]
 
 _LEAK = 1e-4  # Pole of the first weight, as a share of the bandwidth; the theory requires a stable weight
 _ROLL_OFF = 2.0  # Frequency from which the bound on the command falls, in bandwidths

@@ -8,7 +8,6 @@ from functools import singledispatch
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.arguments import function, instance, pair, taking, whole
 from deatwin.control.controllers.inverse import InverseController, StaticCurve
@@ -19,12 +18,11 @@ from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.ident.frequency import equilibrium
 from deatwin.ident.narx import NarxModel
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import rest_state
 from deatwin.plant.rest_path import held_rest
-
-Array = NDArray[np.float64]
 
 
 class Design(Protocol):

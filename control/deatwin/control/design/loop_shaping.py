@@ -14,9 +14,8 @@ from deatwin.control.controllers.linear import LinearController
 from deatwin.control.design.pid import Limits, PidGains, pid
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
+from deatwin.plant.arrays import Array, Complex
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Shape = Callable[[float, float], PidGains]  # Gains of a controller from its integral gain and its time constant
 
 _POINTS = 1500  # Number of frequencies in each part of the grid, the logarithmic and the even one

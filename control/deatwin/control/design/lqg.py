@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.arguments import number, pair, positive, taking
 from deatwin.control.controllers.law import Law
@@ -16,8 +15,7 @@ from deatwin.control.design.pid import Limits
 from deatwin.control.design.states import States, integrating
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 _REACHED = 1.0 - np.exp(-1.0)  # Share of a step that is reached after one time constant
 _LEAST, _STEP = np.log(1e-8), np.log(30.0)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.controllers.law import Law
 from deatwin.control.linear.model import LinearModel
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 _NO_ANSWER = 1e-7
 """Share of the static gain below which a response counts as none: ten times the error of `States.balanced`."""

@@ -5,18 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.arguments import finite, taking
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.realisation import Realisation
+from deatwin.plant.arrays import Array
 
 if TYPE_CHECKING:
     from control import LTI, StateSpace, TransferFunction
-
-
-Array = NDArray[np.float64]
 
 
 @taking(operating_input=finite, operating_output=finite)

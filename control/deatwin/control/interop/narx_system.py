@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import instance, numbers, taking
 from deatwin.ident.frequency import equilibrium
 from deatwin.ident.narx import NarxModel, Variable
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError, SimulationError
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
 
-Array = NDArray[np.float64]
 Params = Mapping[str, Any]
 Lagged = tuple[str, int, int]  # Kind "y" or "u", row of the channel, lag in samples
 

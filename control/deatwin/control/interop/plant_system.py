@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import has_equilibrium, rest_state
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
 
-Array = NDArray[np.float64]
 Params = Mapping[str, Any]
 After = tuple[Array, float]  # State after a sample, and the reading there, SI
 

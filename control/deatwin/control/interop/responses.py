@@ -8,12 +8,13 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import instance, numbers, taking
 from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.ident.arguments import keep_read_only
 from deatwin.ident.frequency import FrequencyResponse
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 from deatwin.plant.drawing import Axes, axes_or_new, numbers_of_decades, plain_numbers, written_unit
 from deatwin.plant.errors import ModelError
@@ -21,9 +22,6 @@ from deatwin.plant.errors import ModelError
 if TYPE_CHECKING:
     from control import FrequencyResponseData
 
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _TWO_SIDED = 1.959964  # Half width of the 95 % interval of a normal law, in standard deviations
 

@@ -7,20 +7,18 @@ from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import instance, numbers, taking
 from deatwin.control.errors import ControlError
 from deatwin.control.interop.narx_system import NarxSystem
 from deatwin.control.interop.plant_system import PlantSystem
 from deatwin.ident.narx import NarxModel
+from deatwin.plant.arrays import Array
 from deatwin.plant.model import Plant
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
-
-
-Array = NDArray[np.float64]
 
 
 @singledispatch

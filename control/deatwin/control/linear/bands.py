@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from deatwin.control.linear.family import LinearFamily
 from deatwin.plant.amplitudes import axis_label
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, gain_unit, several
 from deatwin.plant.drawing import Axes, axes_or_new, numbers_of_decades, written_unit
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 LEVEL = (0.025, 0.975)  # Quantiles of a 95 % band
 _SHOWN = {"m": (1e3, "mm"), "N": (1e3, "mN")}

@@ -19,11 +19,9 @@ from deatwin.ident.frequency.dc import equilibrium, expand
 from deatwin.ident.frequency.linear import levels, motion, operating_input_of
 from deatwin.ident.frequency.many import follow_equilibrium, stable_polynomials
 from deatwin.ident.narx import NarxModel
+from deatwin.plant.arrays import Array, Booleans
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime, require_reading_time
-
-Array = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 _ROUNDING = 4 * np.finfo(float).eps
 _LOST = "this sample has no equilibrium at this input on the branch of the model's own"

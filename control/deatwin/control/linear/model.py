@@ -16,6 +16,7 @@ from deatwin.control.errors import ControlError
 from deatwin.control.linear.realisation import Realisation
 from deatwin.ident.arguments import keep_read_only
 from deatwin.ident.narx.covariance import covariance_of
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, gain_unit, status_of, variable
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime, require_reading_time
@@ -23,8 +24,6 @@ from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
 
-
-Array = NDArray[np.float64]
 
 SIGN_LEVEL = 1.96  # Static gain, in standard deviations, from which its sign is certain (95 %, normal law)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.arguments import instance, taking
 from deatwin.control.linear.model import LinearModel
@@ -14,8 +13,6 @@ from deatwin.ident.frequency.linear import LinearPart, operating_input_of
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.covariance import transformed
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 
 @taking(model=instance(NarxModel))

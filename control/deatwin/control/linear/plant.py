@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import each, generator, instance, number, numbers, taking, whole
 from deatwin.control.linear.family import LinearFamily
@@ -15,13 +15,12 @@ from deatwin.control.linear.realisation import Realisation
 from deatwin.control.progress import Progress
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.narx.covariance import covariance_root
+from deatwin.plant.arrays import Array
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.small_signal import SmallSignal, small_signals
-
-Array = NDArray[np.float64]
 
 _PULL_IN = "the plant has no state of rest in reach there: it pulls in, or its film goes slack"
 _GROWS = 1e-9

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from deatwin.plant.arrays import Array, Complex
 
 _NOTHING = 1e-11
 """Cosine between a mode and the inputs that excite it, or the output that shows it, below which it counts as rounding.

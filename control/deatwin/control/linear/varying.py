@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import generator, instance, taking, whole
 from deatwin.control.linear.bands import FamilyBands
@@ -18,9 +18,8 @@ from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.frequency.varying.along_time import checked_inputs, checked_times
 from deatwin.ident.frequency.varying.following import followed
 from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Metadata, coordinate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import function, generator, instance, not_negative, row, taking
 from deatwin.control.controllers.base import Controller
@@ -16,6 +16,7 @@ from deatwin.control.errors import ControlError
 from deatwin.control.progress import Progress
 from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.amplitudes import axis_label, written_amplitude
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.model import Plant
@@ -23,8 +24,6 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.simulate import RunStatus, Stepper
 from deatwin.plant.timeline import Timeline
-
-Array = NDArray[np.float64]
 
 _LEVEL = 5  # Least number of samples at one value in a level of a step reference
 _NEWS = 100  # Number of samples between two calls of the progress callback

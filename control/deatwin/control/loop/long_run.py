@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.integrator.march import March, marched, repeated
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import rest_state
-
-Array = NDArray[np.float64]
 
 
 class LongRun:

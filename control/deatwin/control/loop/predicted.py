@@ -9,7 +9,7 @@ from operator import attrgetter
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import function, generator, instance, not_negative, row, taking, whole
 from deatwin.control.controllers.base import Controller
@@ -22,13 +22,12 @@ from deatwin.ident.narx import NarxModel, Variable
 from deatwin.ident.narx.residual import Residual
 from deatwin.ident.narx.response import divergence_limit
 from deatwin.plant.amplitudes import axis_label, written_amplitude
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.simulate import RunStatus
-
-Array = NDArray[np.float64]
 
 LEVEL = 0.95
 _SETTLE = 500  # Number of samples at the operating input before the loop is closed

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import finite, generator, numbers, positive, taking, whole
 from deatwin.control.errors import ControlError
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 LEVELS = (0.0, 1.0, 0.0, -1.0, 0.0)  # Levels of the step reference, in amplitudes; the loop closes at the first
 

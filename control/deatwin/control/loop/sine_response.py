@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import finite, function, instance, numbers, require_fields, taking
 from deatwin.control.errors import ControlError
@@ -18,14 +18,12 @@ from deatwin.control.loop.closed_loop import approach
 from deatwin.control.loop.long_run import LongRun
 from deatwin.control.progress import Progress, part
 from deatwin.ident.arguments import keep_read_only
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.model import Plant
 
 if TYPE_CHECKING:
     from scipy.interpolate import RegularGridInterpolator
 
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _SETTLE, _MEASURE = 2, 3  # Number of periods before the measurement, and in it
 _FEWEST = 40  # Least number of samples before the measurement, and in it

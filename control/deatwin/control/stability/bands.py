@@ -25,11 +25,9 @@ from deatwin.control.stability.polynomials import in_series
 from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, interval_radius
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _LOWEST, _POINTS = 1e-4, 2000  # Lowest frequency of the locus, rad per sample, and number of frequencies
 _TOUCHES = 1e-9  # Distance from -1 that counts as none; rounding of a crossing's angle leaves up to 1e-12

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 
 def bandwidth_Hz(omega: Array, loops: NDArray[np.complex128]) -> Array:

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.stability.polynomials import jet
+from deatwin.plant.arrays import Array
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
 Cells = tuple[Index, Index]
 Measure = Callable[[Array, Array, Array], tuple[Array, Array, Array]]

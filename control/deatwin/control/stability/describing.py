@@ -7,10 +7,8 @@ Source: Gelb & Vander Velde, Multiple-Input Describing Functions and Nonlinear S
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from deatwin.plant.arrays import Array, Complex
 
 
 def saturation(limit: float, amplitude: Array) -> Complex:

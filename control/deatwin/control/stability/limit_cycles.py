@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import coefficients, function, numbers, positive, taking
 from deatwin.control.errors import ControlError
 from deatwin.ident.frequency.frozen import Frozen
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Describing = Callable[[Array, Array], Complex]
 
 _STEPS = 60

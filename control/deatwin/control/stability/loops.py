@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.controllers.law import READING, Law
 from deatwin.control.linear.family import LinearFamily
@@ -19,9 +18,8 @@ from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.realisation import Realisation
 from deatwin.control.stability.margins import Margins, margins
 from deatwin.control.stability.polynomials import in_series
+from deatwin.plant.arrays import Array, Complex
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Loop = Callable[[Array], Complex]
 
 _LOWEST = 1e-6  # Least distance of a crossing from 0 and from half the sampling rate, rad per sample, as in `margins`

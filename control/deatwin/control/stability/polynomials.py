@@ -8,9 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import polynomials, taking
 from deatwin.control.errors import ControlError
 from deatwin.ident.frequency.many import stable_polynomials
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from deatwin.plant.arrays import Array, Complex
 
 _NEAR = 1e-5
 """Distance from the unit circle within which poles are not left to the recursion of Schur and Cohn, whose rounding

@@ -13,13 +13,11 @@ from functools import cached_property
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.narx import NarxModel
+from deatwin.plant.arrays import Array, Complex
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Response = Callable[[Array], Complex]
 SAMPLE_TIME = 1.0
 

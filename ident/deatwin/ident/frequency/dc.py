@@ -20,10 +20,9 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.amplitudes import amount
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _PATH_STEPS = 32  # steps from the centre of the training data to the operating input
 

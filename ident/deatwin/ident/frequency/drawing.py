@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.plant.arguments import instance
+from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import Axes, axes_or_new, numbers_of_decades, plain_numbers, written_unit
 from deatwin.plant.errors import ModelError
 
 _ROUNDING = 1e-10  # gains below this share of the largest are rounding and are not drawn
 
 
-Array = NDArray[np.float64]
 _FEWEST_ON_A_LINE = 3  # least number of frequencies on each axis of a grid
 
 

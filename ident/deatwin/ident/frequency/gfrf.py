@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.ident.arguments import real_numbers
 from deatwin.ident.frequency.checks import polynomial_model, whole_order
@@ -17,10 +17,8 @@ from deatwin.ident.frequency.parts import Tones, blocks_of
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.names import symbols_of
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.errors import ModelError, nearest
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _BLOCK = 1 << 14  # frequencies in a block, whose arrays then fit into the processor's cache
 _HELD = 1 << 23  # complex numbers that the products of a block may hold, 128 MB

@@ -11,9 +11,8 @@ from deatwin.ident.arguments import real_number, real_numbers
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.variables import Variable, argument_of
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 4 * np.finfo(float).eps
 

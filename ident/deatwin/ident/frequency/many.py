@@ -21,9 +21,7 @@ from deatwin.ident.frequency.linear import levels
 from deatwin.ident.frequency.parts import Orders, blocks_of
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from deatwin.plant.arrays import Array, Complex
 
 _BLOCK = 16384  # values in a block of draws, which fits into the processor's cache
 _MOST = 2048  # frequencies in a block

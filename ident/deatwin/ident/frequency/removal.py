@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
+from deatwin.plant.arrays import Array
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,11 +18,9 @@ from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 from deatwin.plant.drawing import Axes
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 LINEAR_LAW = 4.0
 """Gains below this many standard deviations (of the ellipse's longer axis) are not normally distributed."""

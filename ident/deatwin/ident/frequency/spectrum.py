@@ -18,10 +18,8 @@ from deatwin.ident.frequency.many import spectrum_of_many
 from deatwin.ident.frequency.parts import CrossOrders, Orders
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _EXCITED = 1e-12  # share of the largest line below which a line is a rounding error in the signal as given
 

@@ -27,10 +27,9 @@ from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.kalman import Filtered, kalman_filter, kalman_smoother
 from deatwin.ident.state_space import StateSpace
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
-
-Array = NDArray[np.float64]
 
 STEPS = 1500  # Most filter steps while amplitude and memory are estimated; samples are joined to keep to it
 MEMORIES = 5  # Number of memories that are tried, from one step to three times the record

@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 from deatwin.ident.greybox.filter_openings import STATE, Opening, places
 from deatwin.ident.greybox.filter_step import LinearStep, held_ghost, linear_step, start_ghost
 from deatwin.ident.greybox.parts import Part
+from deatwin.plant.arrays import Array
 from deatwin.plant.effects.base import Place
 from deatwin.plant.equations import Equations
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rest import rest_state
-
-Array = NDArray[np.float64]
 
 ALIKE = 1 - 1e-9  # Cosine of the responses to two openings above which they count as one
 SPREAD = 0.3

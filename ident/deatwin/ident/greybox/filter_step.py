@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter_openings import Opening, opened_equations
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.integrator.collocation import step_functions
 from deatwin.plant.integrator.compiled import compile_functions
@@ -16,8 +16,6 @@ from deatwin.plant.integrator.march import March
 from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import RestState
-
-Array = NDArray[np.float64]
 
 CHUNK = 200
 SHORTER_STEPS = (4, 16, 64)

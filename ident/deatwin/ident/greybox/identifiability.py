@@ -8,7 +8,6 @@ from operator import attrgetter
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from deatwin.ident.greybox.covariance import white_variances
@@ -18,13 +17,12 @@ from deatwin.ident.greybox.parts import Part, Records, free_run_residuals, parts
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.survey import held
 from deatwin.plant.arguments import instance, taking
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError, ModelError, nearest
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.words import spaced
-
-Array = NDArray[np.float64]
 
 LEVEL = 0.95
 LIMIT = 2 * float(gammaincinv(0.5, LEVEL))  # Quantile at this level of the chi-squared law with one degree of freedom

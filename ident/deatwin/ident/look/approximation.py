@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.plant.amplitudes import axis_label, written_amplitude
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.drawing import Axes, panels_or_new, written_unit
 from deatwin.plant.prefixes import with_unit
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Lines = NDArray[np.bool_]
 
 

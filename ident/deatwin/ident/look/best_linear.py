@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import real_number, whole_number
-from deatwin.ident.look.approximation import Array, BestLinearApproximation, Complex, Lines
+from deatwin.ident.look.approximation import BestLinearApproximation, Lines
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.ident.narx.repeats import period_of, whole_multiple
 from deatwin.plant.arguments import taking
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
 

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.levels import few_levels
 from deatwin.ident.narx.repeats import period_of
 from deatwin.ident.soundness import noise_of_bends, runs
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 _STILL = 1e-9  # Share of the range by which a held level may move: what arithmetic and decimal files make of one level
 _NOISY = 0.02  # Share of the range above which what is fast in a signal is its motion and no noise upon levels

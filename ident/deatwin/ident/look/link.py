@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.excited import Excitation
 from deatwin.ident.narx.preprocess import DeadTime, DeadTimeStatus, estimate_dead_time
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _SEGMENTS = 15
 """Behind Hann windows that overlap by half; so many tell a coherence of 0.5 from none at each of a hundred lines."""

@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.look.approximation import BestLinearApproximation
 from deatwin.ident.look.best_linear import best_linear_approximation
@@ -21,12 +20,11 @@ from deatwin.ident.narx.preprocess.findings import FEWEST
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.ident.soundness import resolution
 from deatwin.plant.amplitudes import axis_label, written_amplitude
+from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import Axes, envelope, panels_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording, label
-
-Array = NDArray[np.float64]
 
 _FEWEST = 64  # Samples of a record from which the top of its spectrum is the median of some lines
 _SHOWN = 3.0  # Times the highest excited frequency up to which the coherence is drawn

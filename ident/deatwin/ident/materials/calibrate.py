@@ -20,10 +20,9 @@ from deatwin.ident.materials.section import section_of, stated_energy
 from deatwin.ident.materials.testfile import MaterialTests
 from deatwin.ident.materials.tests import MaterialTest
 from deatwin.plant.arguments import instance, taking
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import DataError
 from deatwin.plant.rigs.rigmaterial import read_material
-
-Array = NDArray[np.float64]
 
 ROUNDS = 2  # Rounds of fit and error estimate; further rounds change the errors by less than their uncertainty
 HOPELESS = 20.0  # Log odds against an energy with all branches beyond which fewer branches are not tried

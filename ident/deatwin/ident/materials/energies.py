@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from deatwin.ident.materials.flow import STRETCHES, elastic_stress
+from deatwin.plant.arrays import Array
 from deatwin.plant.laws.energies import (
     arruda_boyce,
     first_invariant,
@@ -21,8 +21,6 @@ from deatwin.plant.laws.energies import (
     yeoh,
 )
 from deatwin.plant.parameters import Parameter, Scale
-
-Array = NDArray[np.float64]
 
 FURTHEST = 1e3
 """Largest factor between a modulus and the neo-Hookean one, either way: beyond it no test of an elastomer is

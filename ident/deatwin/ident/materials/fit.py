@@ -7,17 +7,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
 from deatwin.ident.materials.energies import EnergyStart
 from deatwin.ident.materials.noise import ROUNDING, Whitener
 from deatwin.ident.materials.observations import PER_DECADE, Observations
+from deatwin.plant.arrays import Array
 from deatwin.plant.laws.energies import neo_hookean
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.prefixes import with_unit
-
-Array = NDArray[np.float64]
 
 LEAST, MOST = 1.0, 1e9  # Range of a branch's shear modulus, Pa, as in rig files
 COARSE = PER_DECADE // 3

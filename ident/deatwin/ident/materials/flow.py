@@ -9,11 +9,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.laws.stress import nominal_stress
-
-Array = NDArray[np.float64]
 
 STRETCHES: Mapping[str, Callable[[Array], Array]] = MappingProxyType(
     {

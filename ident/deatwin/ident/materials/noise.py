@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from deatwin.ident.materials.observations import Observations
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 FIRST_GUESS = 0.02  # Relative error from which the estimate starts, that of a careful test
 SMALLEST = 1e-6  # Least error, relative to the largest sample; no machine is more accurate

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.materials.energies import equibiaxial_of
 from deatwin.ident.materials.fit import Fit, Quantity
@@ -15,8 +14,6 @@ from deatwin.ident.materials.observations import Observations
 from deatwin.ident.materials.result import Choice
 from deatwin.plant.laws.energies import first_invariant
 from deatwin.plant.substance import Material
-
-Array = NDArray[np.float64]
 
 ODDS = 3.0  # Logarithm of 20: log odds up to which a less probable choice remains possible
 APART = 0.05

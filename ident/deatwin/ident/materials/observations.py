@@ -14,9 +14,8 @@ from scipy.interpolate import CubicSpline
 from deatwin.ident.materials.energies import EnergyStart
 from deatwin.ident.materials.flow import STRETCHES, branch_stress, dynamic_shares
 from deatwin.ident.materials.tests import MaterialTest
+from deatwin.plant.arrays import Array
 from deatwin.plant.laws.energies import first_invariant
-
-Array = NDArray[np.float64]
 
 PER_DECADE = 12  # Relaxation times per decade of the table; a spline between them is exact to 1e-5
 BEYOND = 3.0

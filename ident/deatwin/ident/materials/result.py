@@ -8,19 +8,17 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.materials.fit import Fit, Quantity
 from deatwin.ident.materials.noise import Noise
 from deatwin.ident.materials.observations import Block, Observations
 from deatwin.ident.materials.section import toml_of
 from deatwin.ident.materials.tests import MaterialTest
+from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.records import Json
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.substance import Material
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

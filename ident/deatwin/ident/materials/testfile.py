@@ -9,11 +9,11 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.materials.section import stated_energy
 from deatwin.ident.materials.tests import KINDS, MaterialTest
 from deatwin.plant.arguments import file_name, taking
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import DataError, RigError, nearest
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import table_of_file
@@ -24,8 +24,6 @@ from deatwin.plant.rigs.rigkeys import Keys, NumberKey, TextKey, kind_of
 from deatwin.plant.rigs.tomlfile import TomlFile
 from deatwin.plant.safe_read import clipped
 from deatwin.plant.words import first_of
-
-Array = NDArray[np.float64]
 
 UNITS: Mapping[str, str] = MappingProxyType(
     {

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.ident.materials.flow import STRETCHES
-from deatwin.plant.arrays import real_numbers
+from deatwin.plant.arrays import Array, real_numbers
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.words import listed
-
-Array = NDArray[np.float64]
 
 KINDS = ("tension", "relaxation", "cycles", "equibiaxial", "pure shear", "dma")
 """Kinds of tests. The first three pull a strip; their names do not affect how they are evaluated."""

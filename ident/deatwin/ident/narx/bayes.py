@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from scipy.linalg import blas, lapack
 from scipy.special import gammaln
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 FLAT = 1e-6
 """E[alpha] so small that the first update is least squares, for regressors of root mean square 1. (From a large value

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 _OFFSET = 0.05  # Distance from the linearised minimum, in standard deviations, that counts as none
 _EXACT = 1e-9  # Share of the outputs below which errors are rounding and have no gradient

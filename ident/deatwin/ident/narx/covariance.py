@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
 from deatwin.ident.arguments import read_only
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 _UNEQUAL = 1e-3
 """Largest difference of C_ij and C_ji, as a share of both standard deviations. The inverse of a matrix of condition

@@ -7,18 +7,15 @@ from math import log
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.evidence import log_prior
 from deatwin.ident.narx.forward import SelectionStep
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.response import DIVERGED
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
-
 
 CRITERIA: Mapping[str, Callable[[float, int, int, int], float]] = MappingProxyType(
     {

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.ident.arguments import read_only
-from deatwin.plant.arrays import real_numbers
+from deatwin.plant.arrays import Array, real_numbers
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import UNSTATED, Recording
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,12 +16,10 @@ from math import inf
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 _DEPENDENT = 1e-14  # sine of the angle between a regressor and earlier ones that rounding alone can produce
 

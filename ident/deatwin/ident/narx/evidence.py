@@ -17,14 +17,11 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.special import gammaln
 
 from deatwin.ident.narx.bayes import Statistics
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from deatwin.plant.arrays import Array, Indices
 
 # Share of a candidate's squares below which the part orthogonal to the chosen terms is zero: the candidate is a
 # combination of them.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 # A candidate depends on the chosen ones if its squared norm has fallen by this factor: the remainder, 1e-10 of its
 # norm, still has six digits.

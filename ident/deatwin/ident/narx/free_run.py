@@ -20,17 +20,15 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import whole_number
 from deatwin.ident.narx.shapes import SOURCES, Shape, switch_source
 from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.plant.arrays import Array, Booleans, Integers
 from deatwin.plant.errors import ModelError
 from deatwin.plant.integrator.compiled import compile_source, compiler
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Factors = tuple[tuple[int, int], ...]  # Product of signals: for each factor the row of the signal and its lag
 
 _BLOCK = 256  # samples of a block, as in the kernel
 
 
-Booleans = NDArray[np.bool_]
 _HORIZONS = 4096  # runs simulated at once, whose regressors stay in the processor's cache
 
 

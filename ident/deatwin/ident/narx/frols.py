@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.narx.criteria import CRITERIA, criterion_values, free_run_errors, split
@@ -14,10 +13,9 @@ from deatwin.ident.narx.forward import SelectionStep, forward_selection
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _KNOWN = (*CRITERIA, "free_run", "none")
 

@@ -7,7 +7,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.narx.excess import noisy_products
@@ -21,8 +20,6 @@ from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 # Share of the progress for the search; the rest is for the refinement on all recordings.
 _SEARCH = 0.9

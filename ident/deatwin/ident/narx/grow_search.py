@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.criteria import split
 from deatwin.ident.narx.estimate import least_squares
@@ -15,10 +14,9 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.refine import extensions, prunings
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _ORDER = 2  # order of the linear model at the start: one resonance, or two time constants
 # Growth exceeds the allowed number of terms by half, so that pruning can exchange terms that were added too early: a

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.covariance import gram_inverse_root
 from deatwin.ident.narx.criteria import CRITERIA
@@ -20,10 +19,8 @@ from deatwin.ident.narx.preprocess.stationarity import correlation_samples
 from deatwin.ident.narx.refine import extensions, sensitivities
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.residual_tests import whiteness_of
+from deatwin.plant.arrays import Array, Booleans
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 # Lags of the portmanteau test for white errors: more lags would lose power, because the first ones hold most of what
 # noise on readings or a missing term leaves (Hyndman, Athanasopoulos, "Forecasting", 3rd ed. (2021), section 5.4: ten,

@@ -19,12 +19,11 @@ from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _KNOTS = 10  # knots of the path, times max_terms: terms also leave the path, so it has more knots than terms
 _SAMPLES = 4096  # samples standardised at once

@@ -11,16 +11,15 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
+from deatwin.plant.arrays import Array
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
     from deatwin.ident.narx.preprocess.dead_time import DeadTime
 
-Array = NDArray[np.float64]
 
 LAST_INPUT_LAGS = "last input lags"
 """Key of a model's provenance: the last lag of each input among the candidates, -1 for none."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.arrays import Array
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _GLANCE = 256  # samples that suffice to show at once that a signal has many levels
 _ROUNDING = 1e-12  # share of the largest value that arithmetic and decimal files may add to a level

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.repeats import periods_apart
+from deatwin.plant.arrays import Array
 
-Array = NDArray[np.float64]
 Signals = Sequence[tuple[Array, Array]]
 """Inputs, (n_inputs, n), and output, (n,), of each recording, scaled to a variance of 1."""
 

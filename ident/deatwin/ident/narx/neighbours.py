@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
 from deatwin.ident.narx.regression import Regression
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from deatwin.plant.arrays import Array, Integers
 
 # A candidate depends on the chosen terms if removing them reduces its squared norm by this factor.
 _DEPENDENT = 1e-12

@@ -7,7 +7,6 @@ from dataclasses import KW_ONLY, dataclass, replace
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import positive, whole_number
 from deatwin.ident.narx.criteria import CRITERIA, criterion_values
@@ -20,9 +19,8 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.prediction_error import NoiseFit, noise_rows, prediction_error_fit, spread
 from deatwin.ident.narx.regression import Recordings, Regression
 from deatwin.ident.narx.terms import Term, TermTable, Variable, require_terms
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError, nearest
-
-Array = NDArray[np.float64]
 
 _KNOWN = (*CRITERIA, "none")
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import read_only
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,14 +10,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.covariance import gram_inverse_root
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.refine import sensitivities
+from deatwin.plant.arrays import Array
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 
 def with_correlated_error(model: NarxModel, recordings: Sequence[Recording]) -> NarxModel:

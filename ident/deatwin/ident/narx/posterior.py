@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability
 from deatwin.ident.narx.covariance import covariance_root
 from deatwin.ident.narx.model import NarxModel, require_model
-from deatwin.plant.arrays import require_generator
+from deatwin.plant.arrays import Array, require_generator
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
 from deatwin.ident.narx.estimate import Estimate, least_squares
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 # Newton's method, for errors that enter their own recursion nonlinearly, doubles the correct digits in each round; if a
 # dozen rounds do not suffice, the recursion is about to diverge.

@@ -9,7 +9,7 @@ from enum import Enum
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.ident.arguments import probability, real_numbers, whole_number
 from deatwin.ident.narx.free_run import March
@@ -17,13 +17,11 @@ from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.posterior import ThetaPosterior, quantile, regressors
 from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.arguments import instance
-from deatwin.plant.arrays import require_generator
+from deatwin.plant.arrays import Array, require_generator
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _CHUNK = 4096  # samples whose quantiles are computed at once
 

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Term
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new
-
-Array = NDArray[np.float64]
 
 _NAMED = 10  # most paths with a label of their own, as many as there are colours
 

@@ -11,11 +11,11 @@ from deatwin.ident.arguments import positive
 from deatwin.ident.kalman import Filtered, adjoint, kalman_filter, kalman_smoother
 from deatwin.ident.narx.identifier import FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import Array
 from deatwin.ident.narx.recursive import Structure, VaryingParameters, regressor_sizes, sample_times, trajectory_of
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.state_space import StateSpace
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError, nearest
 
 _PRIOR_SAMPLES = 1e-4  # weight of the prior of the start, in samples

@@ -14,11 +14,11 @@ from deatwin.ident.kalman import kalman_filter
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import Array
 from deatwin.ident.narx.regression import Recordings, Regression, flatten, require_no_target
 from deatwin.ident.narx.terms import Term
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.state_space import StateSpace
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording
 

@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import positive, whole_number
 from deatwin.ident.narx.converged import converged
@@ -16,10 +15,10 @@ from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.ident.narx.variables import argument_of
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 # A candidate depends on the terms if its response beyond theirs retains less than this share of its square.

@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.drive import order_apart, units_apart
 from deatwin.ident.narx.lags import channel_lags
@@ -17,10 +16,10 @@ from deatwin.ident.narx.levels import without_repeated_powers
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Lags, Rule, Term, TermTable, Variable, generate_terms, require_terms
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording, label
 
-Array = NDArray[np.float64]
 Recordings = Recording | Experiment | Iterable[Recording | Experiment]
 
 _BLOCK = 4096  # samples evaluated at once: 32 MB for a block of 1000 terms

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 _ALIKE = 0.02
 """Largest mean squared difference of a signal from itself a period later, as a share of twice the variance: noise of a

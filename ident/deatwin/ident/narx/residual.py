@@ -8,15 +8,12 @@ from math import exp
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.excited import number_of
 from deatwin.ident.narx.model import NarxModel, require_model
-from deatwin.plant.arrays import require_generator
+from deatwin.plant.arrays import Array, require_generator
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 RMS_KEY, TIME_KEY = "free_run_residual_rms", "free_run_residual_time_s"
 """Keys of a model's provenance for its residual's rms, in the output's unit, and correlation time, s."""

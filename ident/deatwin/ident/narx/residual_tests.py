@@ -14,13 +14,11 @@ from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import read_only
+from deatwin.plant.arrays import Array, Integers
 from deatwin.plant.drawing import Axes, axes_or_new
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Series = Sequence[Array]  # One stretch of a signal for each recording, shape (n_r,) each
 
 TESTS: Mapping[str, str] = MappingProxyType(

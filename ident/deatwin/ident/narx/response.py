@@ -8,16 +8,14 @@ from dataclasses import dataclass, field, fields
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import keep_read_only, read_only
 from deatwin.ident.narx.drive import Drive
 from deatwin.ident.narx.operating import OperatingRange
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 DIVERGED = 1e3  # Multiple of the outputs of the training data beyond which a free run has diverged
 # A model without training data has no scale of its own, so that only outputs that cannot be intended count as diverged.

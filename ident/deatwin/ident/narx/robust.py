@@ -19,9 +19,8 @@ from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.drive import require_suits
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import Recordings, Regression
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 BLOCKS = 64  # Blocks into which a record is cut: those of a record of five minutes are five seconds long
 _ALONE = 1e-9  # least share of the information on a parameter that must remain without a block

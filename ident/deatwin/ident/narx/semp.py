@@ -18,8 +18,6 @@ from deatwin.ident.narx.semp_search import SempSearch, SempStep
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
-
 # A free run that fails in a single section passes every test over the sections. Whatever they say, the final model's
 # mean squared error is therefore at most this multiple of the smallest of the path: a choice, far beyond chance.
 _CLEARLY_WORSE = 2.0

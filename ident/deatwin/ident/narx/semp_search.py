@@ -15,9 +15,7 @@ from deatwin.ident.narx.neighbours import CompressedRegression, Neighbours
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.response import DIVERGED
 from deatwin.ident.narx.terms import Term
-
-Array = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
+from deatwin.plant.arrays import Array, Booleans
 
 # Ten to thirty sections suffice to know the variance of a mean, and are long enough to be independent of each other
 # (Schmeiser, Oper. Res. 30 (1982) 556-568, doi:10.1287/opre.30.3.556).

@@ -16,11 +16,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError, nearest
 
-Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 
 _STEP = float(np.cbrt(np.finfo(float).eps))

@@ -6,16 +6,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.names import symbols_of
+from deatwin.plant.arrays import Array
 from deatwin.plant.prefixes import prefixed
 
 if TYPE_CHECKING:
     from deatwin.ident.narx.model import NarxModel
 
 
-Array = NDArray[np.float64]
 _PLAIN = (1e-4, 1e6)  # Range of sizes that six digits show without an exponent: from the first to below the second
 
 

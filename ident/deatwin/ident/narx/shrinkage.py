@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 from math import exp, lgamma, log, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import positive
 from deatwin.ident.narx.bayes import Posterior, Priors, Statistics, posterior
 from deatwin.ident.narx.estimate import Centred, Estimate
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError, nearest
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,12 +23,11 @@ from dataclasses import dataclass, field
 from math import lgamma
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
 from deatwin.ident.narx.bayes import Priors, Statistics
+from deatwin.plant.arrays import Array
 
-Array = NDArray[np.float64]
 Terms = frozenset[int]
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import positive, whole_number
 from deatwin.ident.narx.bayes import FLAT, Priors, RelevanceFit, Statistics, fit_relevance
@@ -19,8 +18,6 @@ from deatwin.ident.narx.regression import Regression
 from deatwin.plant.drawing import Axes
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _CLEAN_UPS = ("none", "evidence")
 _PRUNING = 0.9  # share of the progress for pruning if a clean-up follows

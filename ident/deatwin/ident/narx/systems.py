@@ -8,14 +8,12 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _MOST_REDRAWS = 100  # most redraws of a recording: a system that needs more has no stable runs worth the name
 

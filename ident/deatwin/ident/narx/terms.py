@@ -23,10 +23,9 @@ from deatwin.ident.narx.lags import channel_lags
 from deatwin.ident.narx.names import SignalNames
 from deatwin.ident.narx.variables import Variable as Variable
 from deatwin.ident.narx.variables import read_factor, value_of
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.safe_read import clipped
-
-Array = NDArray[np.float64]
 
 Rule = Callable[["Term"], bool]
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.document import fields_of, to_document
 from deatwin.ident.narx.model import NarxModel, require_model
-from deatwin.ident.narx.operating import Array
 from deatwin.ident.narx.response import NarxResponse
 from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, coordinate, variable
 from deatwin.plant.documents import Saved
 from deatwin.plant.drawing import Axes, panels_or_new

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.recorded_pole import RecordedPole, recorded_pole
 from deatwin.ident.narx.response import Fit
+from deatwin.plant.arrays import Array
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _STEP = 1e-4  # step as a share of the output's range, which keeps half of the digits for polynomials of low degree
 _ROUNDING = 1e-7  # accuracy of a double pole at 1: half of the digits, less a few for the companion matrix

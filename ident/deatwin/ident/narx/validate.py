@@ -8,7 +8,6 @@ from enum import Enum
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.narx.late_inputs import late_inputs
@@ -17,6 +16,7 @@ from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.residual_tests import CorrelationTest, Whiteness, correlation_tests, whiteness_of
 from deatwin.ident.narx.response import Fit, gain_error
 from deatwin.ident.narx.unstable import Unstable, recorded_once, stable_model_of_unstable, unstable_model
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import (
     Described,
     Metadata,
@@ -31,8 +31,6 @@ from deatwin.plant.documents import Saved
 from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.records import plain, read
-
-Array = NDArray[np.float64]
 
 SCHEMA = "deatwin/validation/1"
 

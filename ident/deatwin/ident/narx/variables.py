@@ -6,14 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import total_ordering
 
-import numpy as np
-from numpy.typing import NDArray
-
 from deatwin.ident.narx.names import SignalNames
 from deatwin.ident.narx.shapes import Shape
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 _KINDS = "yue"  # kinds of signals in the order in which factors are written
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx import NarxModel, Term, ThetaTrajectory
+from deatwin.plant.arrays import Array
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
 STEP = 0.05  # Sampling time of the benchmark systems, s
 DURATION = 300.0  # Length of their recordings, s, in which the parameters go there and back once
 NOISE = 0.01  # Standard deviation of the equation's noise, in the unit of the output

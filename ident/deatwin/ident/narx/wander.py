@@ -10,15 +10,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx import Fixed, NarxModel, Recording, Term, TermTable, ThetaSmoother, ThetaTrajectory, refine
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.recursive import regressor_sizes
 from deatwin.ident.narx.regression import Regression
-from deatwin.plant.arrays import root_mean_square
+from deatwin.plant.arrays import Array, root_mean_square
 
-Array = NDArray[np.float64]
 Structure = tuple[Term, ...]
 Recordings = Sequence[Recording]
 BLOCK = 20.0

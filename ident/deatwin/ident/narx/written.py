@@ -5,19 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from deatwin.ident.narx.names import symbols_of
 from deatwin.ident.narx.terms import Term
-from deatwin.plant.arrays import texts
+from deatwin.plant.arrays import Array, texts
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from deatwin.ident.narx.model import NarxModel
-
-
-Array = NDArray[np.float64]
 
 
 def by_equation(

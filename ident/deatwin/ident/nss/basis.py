@@ -9,13 +9,10 @@ from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.shapes import SOURCES, Shape
+from deatwin.plant.arrays import Array, Integers
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _HIGHEST = 1023  # Largest power; beyond it, powers of 2 overflow
 _POWER = re.compile(r"([xus])(\d*)(?:\^(\d+))?")

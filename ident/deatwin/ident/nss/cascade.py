@@ -16,10 +16,10 @@ from deatwin.ident.nss.identifier import StateSpaceIdentifier
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.search import Point, Record, search
 from deatwin.plant.arguments import require_fields, truth
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]
 _SIGNAL = re.compile(r"\bv\b")  # The signal in a term, and no letter of a function's name
 _TRIAL = 10  # Steps of a search after which divisions of poles and zeros are compared

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.look.best_linear import best_linear_approximation
@@ -19,10 +18,10 @@ from deatwin.ident.nss.document import weights_of
 from deatwin.ident.nss.linear_start import Lines, in_own_coordinates, linear_start
 from deatwin.ident.nss.model import NonlinearStateSpace
 from deatwin.ident.nss.search import Found, Point, Record, all_fitted, covariance, judged, search, triangle
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
 _LINEAR_STEPS = 25  # Steps of the linear start, which need not converge to the last digit
 _PATIENCE = 20
 """Steps without a lower held-out error after which a search ends: on the way to a better valley it may rise for

@@ -12,9 +12,9 @@ from deatwin.ident.nss.basis import Basis
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.search import Found, Point, Record, judged, search, triangle
 from deatwin.ident.nss.subspace import from_lines, from_samples
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
-Array = NDArray[np.float64]
 Lines = tuple[NDArray[np.complex128], Array, Array]
 
 _ROWS = (1.5, 3.0, 6.0)

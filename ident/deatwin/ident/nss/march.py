@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.shapes import switch_source
 from deatwin.ident.nss.basis import Basis
+from deatwin.plant.arrays import Array
 from deatwin.plant.integrator.compiled import compile_source, compiler
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 

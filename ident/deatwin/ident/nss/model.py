@@ -22,12 +22,11 @@ from deatwin.ident.nss.basis import Basis
 from deatwin.ident.nss.document import SCHEMA, WEIGHTS, fields_of, to_document, weights_of
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.opening import Opening, opened
-from deatwin.plant.arrays import texts
+from deatwin.plant.arrays import Array, texts
 from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
 _WARMUP_PER_STATE = 10
 """Samples per state from which the first state is estimated, as for a linear model: its noise falls with the square
 root of their number."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.nss.march import System
+from deatwin.plant.arrays import Array
 
-Array = NDArray[np.float64]
 _STEPS = 50  # Most Gauss-Newton steps; few samples need few
 _WIDTH = 3.0
 """Prior standard deviation of a first state: states have an rms value of about one on the training data, and a new

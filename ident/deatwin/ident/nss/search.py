@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.nss.march import System
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 DIVERGED = 30.0  # Standard deviations of an output beyond which a run is given up: no trained output is that large
 _NULL = 1e-9

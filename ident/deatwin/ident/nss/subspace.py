@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from deatwin.plant.arrays import Array, Complex
 
 _MIRROR = 0.999
 """Largest magnitude of a pole: what noise makes of an integrator starts inside the circle, where the run stays bounded

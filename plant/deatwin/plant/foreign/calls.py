@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.interrupts import ignore_interrupts, interrupts_held
 from deatwin.plant.safe_read import clipped
 
-Array = NDArray[np.float64]
 Model = Callable[[Mapping[str, Any], Mapping[str, Array], Array], Any]  # ``f(parameters, inputs, time) -> readings``
 
 KEPT = 512

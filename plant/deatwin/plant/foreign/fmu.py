@@ -13,16 +13,14 @@ from tempfile import mkdtemp
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.files.units import UNITS, Unit, find_unit
 from deatwin.plant.integrator.compiled import cache_folder
 from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 from deatwin.plant.safe_read import reason
-
-Array = NDArray[np.float64]
 
 REAL = ("Real", "Float64", "Float32")
 KINDS: Mapping[str, tuple[str, str]] = {

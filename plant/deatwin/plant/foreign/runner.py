@@ -10,14 +10,12 @@ from dataclasses import dataclass, replace
 from typing import Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.foreign.calls import Answer, Call, Model, answers
 from deatwin.plant.parameters import Parameter, ParameterSet, Scale
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.simulate import Given, Progress, Run, RunStatus, Simulator
-
-Array = NDArray[np.float64]
 
 APPLIED = "applied_command"
 """Watched signal: in the equations, the integral of the command since the start; in results, its mean over a sample."""

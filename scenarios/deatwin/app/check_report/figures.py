@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.app.check_report.view import View, header, thinned
 from deatwin.control import ClosedLoop
@@ -19,10 +18,10 @@ from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import linearise_plant
 from deatwin.control.stability.bands import MarginBand, band_margins, evenly_along
 from deatwin.plant.amplitudes import amount, axis_label
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.drawing import Axes, envelope, plain_numbers
 from deatwin.studies.report.drawing import Drawing, Hue, draw, filled, legend_above
 
-Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 _TIME = "time since the loop was closed (s)"
@@ -185,8 +184,6 @@ def _other_columns(view: View, others: Mapping[str, ClosedLoop], longest: Closed
         columns[header(f"command_{name}", view.check.operating.input_unit)] = run.command
     return filled(columns)
 
-
-Complex = NDArray[np.complex128]
 
 _POINTS = 400  # points of each half of the grid, one logarithmic and one even, to resolve a narrow resonance
 _LOWEST = 0.05  # lowest frequency, as a share of the closed loop's bandwidth

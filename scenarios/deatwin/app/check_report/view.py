@@ -6,18 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import cycle, product
 
-import numpy as np
-from numpy.typing import NDArray
-
 from deatwin.control import Check, Specification
 from deatwin.control.checking.rows import MarginRow
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
+from deatwin.plant.arrays import Array
 from deatwin.plant.model import Plant
 from deatwin.plant.words import spaced
 from deatwin.studies.report.drawing import Hue
 
-Array = NDArray[np.float64]
 _DRAWN = 1000  # most points of a line: a picture can show no more
 
 

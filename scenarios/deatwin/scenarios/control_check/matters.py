@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control import (
     ClosedLoop,
@@ -30,12 +29,10 @@ from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx, free_run_residual
 from deatwin.ident.narx.fleet.alike import linear_in_output
 from deatwin.plant import CalibratedPlant, DeatwinError, Plant, ReadingTime, Recording
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.fleet import fabricated
 from deatwin.scenarios.control_check.trials import WIDER, calibrated, recorded
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 OPERATING = 2.6
 LIMITS = (1.2, 3.7)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control import Verdict
 from deatwin.plant.amplitudes import axis_label
@@ -191,7 +190,6 @@ def _broken(outcomes: Sequence[Outcome]) -> Table:
     return WORDS.table("broken", rows)
 
 
-Array = NDArray[np.float64]
 STRETCH = 10.0  # Length of the tones that is drawn, s
 SHOWN = {
     "PI": (Hue.BEFORE, "-", "PI alone"),

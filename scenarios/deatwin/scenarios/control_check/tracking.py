@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control import (
     ClosedLoop,
@@ -27,10 +26,9 @@ from deatwin.control import (
 )
 from deatwin.control.stability.loops import loop_margins
 from deatwin.plant import Actuator, Plant, fleet, specification
+from deatwin.plant.arrays import Array
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.scenarios.control_check.trials import LIMITS, identified, recorded
-
-Array = NDArray[np.float64]
 
 OPERATING = 2.8
 BAND = (0.1, 0.8)  # Frequencies of the reference, Hz

@@ -8,7 +8,6 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency.dc import deviations
 from deatwin.ident.frequency.removal import remove
@@ -30,6 +29,7 @@ from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Plan
 from deatwin.ident.narx.fleet.records import FILM, RECORDED, STEADY, VARIANTS
 from deatwin.ident.narx.posterior import regressors
 from deatwin.plant import ModelError, Recording
+from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import plain_numbers
 from deatwin.scenarios.fleet_models import WORDS
 from deatwin.scenarios.fleet_models.study import FROLS, LINEAR, SEMP, SHOWN, SVB, THRESHOLDS, Bench, Identified, Study
@@ -264,7 +264,6 @@ def estimate_all(terms: Terms, sections: tuple[Recording, Recording]) -> dict[st
     return found
 
 
-Array = NDArray[np.float64]
 OF_METHOD = {SEMP: Hue.BEFORE, SVB: Hue.AFTER}
 STEADIEST = 6  # Number of the actuator that does not drift within its sections
 

@@ -6,7 +6,6 @@ import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency import (
     FrequencyResponse,
@@ -28,9 +27,7 @@ from deatwin.ident.narx import NarxModel, SvbNarx, refine
 from deatwin.ident.narx.fleet.alike import BAND, OPERATING_INPUT, Alike, Fleet, choose_structure, fit, linear_in_output
 from deatwin.ident.narx.fleet.orders import RULE
 from deatwin.ident.narx.fleet.records import FILM, STEADY, as_variant
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from deatwin.plant.arrays import Array, Complex
 
 SHOWN = 5  # Number of the actuator that the thesis shows in full
 ORDERS = 3

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency import frequency_grid, gfrf
 from deatwin.ident.frequency.closed_forms import DUFFING, QUADRATIC, ClosedForm
 from deatwin.ident.frequency.output_responses.settled import Evaluated, OrderRanges
 from deatwin.ident.narx import Term
 from deatwin.ident.narx.fleet.alike import BAND, OPERATING_INPUT
+from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import Axes, plain_numbers
 from deatwin.scenarios.frequency_analysis.actuators import (
     FREQUENCIES,
@@ -36,7 +36,6 @@ from deatwin.studies.report.drawing import (
 )
 from deatwin.studies.report.words import Each, Words
 
-Array = NDArray[np.float64]
 WORDS = Words(__package__)
 OF_ORDER = (Hue.AFTER, Hue.BEFORE, Hue.MARK)
 SMALLEST = 1e-10  # Share of the largest line below which rounding is no longer drawn

@@ -6,16 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, TestSignal, design_excitation, nofrf, output_orders
 from deatwin.ident.frequency.closed_forms import DUFFING, HAMMERSTEIN, SYSTEMS, ClosedForm
 from deatwin.ident.frequency.output_responses.settled import Evaluated, OrderRanges, evaluate, order_ranges
 from deatwin.ident.narx import Fixed, NarxModel, SvbNarx
 from deatwin.ident.narx.systems import SYSTEMS as RANDOM_SYSTEMS
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from deatwin.plant.arrays import Array
 
 SIGNAL_BAND, NARROW = (0.0, 0.1), (0.06, 0.09)
 """Bands of the test signals, Hz, at 1 s: for the NOFRFs, and for the ranges, which then have gaps."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency import Agreement, Comparison, Difference, FrequencyResponse, UncertaintyStatus
 from deatwin.ident.frequency.comparison.fleet import share_of
 from deatwin.ident.frequency.uncertainty.beside_draws import Spread, columns_of
 from deatwin.ident.narx.fleet.records import DRIFTING
+from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import Axes
 from deatwin.plant.fleet import TOLERANCES
 from deatwin.plant.words import spaced
@@ -196,7 +196,6 @@ def _p(value: float) -> str:
     return "< 0.001" if value < 1e-3 else f"{value:.2g}"
 
 
-Array = NDArray[np.float64]
 CLOUD = 400  # Draws that are shown as points
 
 

@@ -11,7 +11,6 @@ from operator import call
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency import (
     Comparison,
@@ -34,12 +33,10 @@ from deatwin.ident.narx.fleet.records import STEADY, as_variant, at_tolerance, t
 from deatwin.ident.narx.rules import AtMost
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem
 from deatwin.plant import Actuator, Plant, Recording, fleet, specification
+from deatwin.plant.arrays import Array, Booleans
 from deatwin.plant.fleet import DURATION, HISTORIES, TOLERANCES
 from deatwin.studies.parallel import between, run_told
 from deatwin.studies.voice import Progress
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 POINTS, CURVE = 40, 800  # Frequencies of a response, and of one that is drawn as a line
 AT = 0.0  # Operating input of all systems
@@ -112,7 +109,7 @@ class Known:
 
     cases: Mapping[str, tuple[Spread, ...]]
     fragile: Mapping[str, tuple[Spread, ...]]
-    coverage: Mapping[str, Mapping[int, Flags]]  # By case and order, shape (n_sets, n_frequencies)
+    coverage: Mapping[str, Mapping[int, Booleans]]  # By case and order, shape (n_sets, n_frequencies)
     sweeps: tuple[Sweep, ...]
     spectra: tuple[Spread, ...]  # Orders of the output of `BILINEAR`
     surface: FrequencyResponse  # H_2 of `BILINEAR` over both frequencies
@@ -129,7 +126,7 @@ def spreads(case: Case, seed: tuple[int, ...]) -> tuple[Spread, ...]:
     )
 
 
-def covered(case: Case, seed: tuple[int, ...], n_sets: int = DATA_SETS) -> dict[int, Flags]:
+def covered(case: Case, seed: tuple[int, ...], n_sets: int = DATA_SETS) -> dict[int, Booleans]:
     """Identify a case from many recordings; test whether regions hold the truth, (n_sets, n_frequencies)."""
     rng = np.random.default_rng(seed)
     truth = {order: case.response(order)(case.system.model).values for order in case.orders}

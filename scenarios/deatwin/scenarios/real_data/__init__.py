@@ -15,11 +15,11 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident import run_jobs
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import Recording
+from deatwin.plant.arrays import Array
 from deatwin.studies.provenance import hashes
 from deatwin.studies.public.black_boxes import FROLS, GROWN, LINEAR, METHODS, REFINED, SEMP, Outcome, attempt
 from deatwin.studies.public.records import DataSet, buck, cascaded_tanks, emps, silverbox
@@ -51,7 +51,6 @@ SETS: Mapping[str, Callable[[Path], DataSet]] = MappingProxyType(
 )
 """Loaders by the name of the set's folder, in the order of the page."""
 Outcomes = Mapping[str, Mapping[str, Outcome]]
-Array = NDArray[np.float64]
 WINDOW = 500  # Samples of a running root mean square
 ZOOM = 120  # Samples around the largest output that are drawn
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.plant import (
     Builder,
@@ -27,6 +26,7 @@ from deatwin.plant import (
     Scale,
     Sizes,
 )
+from deatwin.plant.arrays import Array
 from deatwin.plant.effects.smooth import smooth_magnitude
 from deatwin.scenarios.real_physics.silverbox import derivatives, held
 from deatwin.studies.missing_physics import Case, HeldOut, Law, experiment_of, tell
@@ -37,7 +37,6 @@ from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)
-Array = NDArray[np.float64]
 BAND = 200.0  # Hz, up to which the recording is differentiated: the input ends at 150
 
 

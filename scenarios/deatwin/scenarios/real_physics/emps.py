@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.plant import (
     Builder,
@@ -35,7 +34,6 @@ from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)
-Array = NDArray[np.float64]
 FITTED = 13_000  # Samples: two strokes out and back
 SMOOTH = 25.0  # Hz, up to which the recording is differentiated
 

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident import run_jobs
 from deatwin.ident.greybox import Calibration, calibrate
 from deatwin.plant import Builder, Experiment, Parameter, Place, Plant, ReadingTime, Rig, Scale, Sizes
+from deatwin.plant.arrays import Array
 from deatwin.plant.effects.smooth import smooth_sign, soft_excess
 from deatwin.plant.words import spaced
 from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks
@@ -47,7 +47,6 @@ def sources() -> Table:
     return WORDS.table("sources", [[*cells, *place] for cells, place in zip(own, places, strict=True)])
 
 
-Array = NDArray[np.float64]
 AVERAGED = 5
 """Samples of 1 ms that make one of EMPS: the mean voltage keeps the impulse, and friction needs no finer ones."""
 MOTOR = 35.150651882485469  # N/V, as the benchmark's file has it

@@ -8,16 +8,14 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.plant import Builder, Experiment, Parameter, Place, Plant, ReadingTime, Rig, Scale, Sizes
+from deatwin.plant.arrays import Array
 from deatwin.studies.missing_physics import Case, HeldOut, Law, experiment_of, tell
 from deatwin.studies.public.records import ARROW_HEAD, SILVERBOX_RATE, silverbox_table
 from deatwin.studies.public.records import silverbox as black_box_data
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
-
-Array = NDArray[np.float64]
 
 
 def held(values: Array) -> Array:

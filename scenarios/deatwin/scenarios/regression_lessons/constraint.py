@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx import Ridge
 from deatwin.ident.narx.lasso import lasso_path
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 N, TRUE, CORRELATION, NOISE = 80, (1.0, 0.1), 0.6, 0.3
 """Samples, parameters, correlation of the two regressors, and standard deviation of the noise."""

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx import Bayesian
 from deatwin.ident.narx.bayes import Priors
+from deatwin.plant.arrays import Array
 from deatwin.scenarios.regression_lessons.variance import powers
-
-Array = NDArray[np.float64]
 
 N, NOISE, PRECISION = 40, 0.2, 0.04
 """Samples, standard deviation of the noise, prior precision of each parameter over the noise's."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.plant.drawing import Axes
 from deatwin.scenarios.regression_lessons import variance
@@ -78,7 +77,6 @@ def _within(name: str, worst: float, /, **words: str) -> Measure:
     return WORDS.measure(name, worst < SURE, worst=worst, SURE=SURE, **words)
 
 
-Array = NDArray[np.float64]
 HEIGHTS = (0.15, 0.5, 1.5)  # Heights of further ellipses, as multiples of that of the ellipse that touches
 
 

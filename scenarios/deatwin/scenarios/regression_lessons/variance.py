@@ -6,11 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx import LeastSquares, Ridge
+from deatwin.plant.arrays import Array
 
-Array = NDArray[np.float64]
 Fitter = Callable[[Array], Array]
 
 N, NOISE, DRAWS = 30, 0.5, 400

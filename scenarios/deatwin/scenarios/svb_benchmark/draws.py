@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx import (
     FitStatus,
@@ -30,6 +29,7 @@ from deatwin.ident.narx.spike_slab import SpikeSlab, Structures, sample_structur
 from deatwin.ident.narx.standing_out import Margin, full_margin, near_margin
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem, Draw
 from deatwin.plant import DeatwinError, Recording
+from deatwin.plant.arrays import Array, Booleans
 from deatwin.plant.records import UNBOUNDED
 from deatwin.studies.rates import LEVEL, Rate
 
@@ -75,9 +75,6 @@ ESTIMATORS: Mapping[str, Callable[[BenchmarkSystem, Recording], NarxModel]] = {
 """Estimators of the parameters of a known structure."""
 
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 FLIPS, BURN_IN, DRAWS = 20_000, 2_000, 20_000
 """Flips of each chain of the sampler, flips before them, and parameters that are drawn at its end."""
 
@@ -122,7 +119,7 @@ def draw_of(system: BenchmarkSystem, seed: int, number: int) -> Draw:
     return system.draw(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(place, number))))
 
 
-def covered(name: str, estimator: str, seed: int, number: int, noise_variance: float | None = None) -> Flags:
+def covered(name: str, estimator: str, seed: int, number: int, noise_variance: float | None = None) -> Booleans:
     """Return which intervals contain the true parameter, if the structure is right. Shapes: returns (n_terms,)."""
     system = system_of(name, noise_variance)
     model = ESTIMATORS[estimator](system, draw_of(system, seed, number).recording)

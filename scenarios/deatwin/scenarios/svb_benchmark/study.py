@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.narx.systems import SYSTEMS
+from deatwin.plant.arrays import Booleans
 from deatwin.plant.records import plain, read
 from deatwin.scenarios.svb_benchmark.draws import (
     ESTIMATORS,
@@ -20,7 +21,6 @@ from deatwin.scenarios.svb_benchmark.draws import (
     VARIATIONAL,
     Comparison,
     Contrast,
-    Flags,
     Trial,
     compare,
     contrast,
@@ -68,7 +68,7 @@ class Answer:
 
     trials: tuple[Trial, ...] = ()  # One for each method
     contrast: Contrast | None = None
-    covered: Mapping[str, Flags] = field(default_factory=dict)  # By estimator
+    covered: Mapping[str, Booleans] = field(default_factory=dict)  # By estimator
     comparison: Comparison | None = None
 
 
@@ -88,7 +88,7 @@ class Level:
 
     variance: float
     trials: tuple[Trial, ...]
-    covered: Flags  # shape (draws, n_terms): Which 95 % intervals cover, given the right structure
+    covered: Booleans  # shape (draws, n_terms): Which 95 % intervals cover, given the right structure
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,7 +98,7 @@ class Study:
     plan: Plan
     trials: tuple[Trial, ...]  # Each method on each draw
     contrasts: Mapping[str, tuple[Contrast, ...]]  # By system
-    covered: Mapping[tuple[str, str], Flags]  # By system and estimator, each shape (draws, n_terms)
+    covered: Mapping[tuple[str, str], Booleans]  # By system and estimator, each shape (draws, n_terms)
     levels: tuple[Level, ...]
     comparisons: tuple[Comparison, ...]
 

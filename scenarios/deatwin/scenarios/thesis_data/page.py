@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.curves import linear_share, local_gain, mean_curve, straight_line
 from deatwin.ident.drifts import (
@@ -146,7 +145,6 @@ def _times(early: Window, late: Window) -> str:
     return " to ".join(f"{first:g}–{last:g} s" for first, last in (early, late))
 
 
-Array = NDArray[np.float64]
 WINDOW, SHORT = 100.0, 20.0  # Windows of the moving means, s
 ZOOM = 40.0  # Length of the excitation that is drawn, s
 SPECIFIED, ELASTIC = "specification", "without hysteresis"

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency import remove_dc
 from deatwin.ident.frequency.varying.short_time import BANDS
 from deatwin.ident.narx import Term
 from deatwin.ident.narx.fleet.alike import OPERATING_INPUT
 from deatwin.ident.narx.wander import CONSTANT, VARYING
+from deatwin.plant.arrays import Array
 from deatwin.scenarios.time_varying.study import (
     COVERAGE_HZ,
     COVERAGE_TIMES,
@@ -38,7 +38,6 @@ from deatwin.studies.report.drawing import (
 )
 from deatwin.studies.report.words import Words
 
-Array = NDArray[np.float64]
 WORDS = Words(__package__)
 QUANTILE = 1.959963984540054  # 97.5 % quantile of the normal law
 EVERY = 20  # Every so many samples of a trajectory are drawn

@@ -36,12 +36,10 @@ from deatwin.ident.narx.varying_systems import (
 )
 from deatwin.ident.narx.wander import CONSTANT, VARYING, Track, follow_actuator
 from deatwin.plant import Actuator, Recording, fleet
-from deatwin.plant.arrays import root_mean_square
+from deatwin.plant.arrays import Array, Complex, root_mean_square
 from deatwin.studies.parallel import between, run_told
 from deatwin.studies.voice import Progress
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 H1, H2_SUM, H2_DIFFERENCE = "H1", "H2, f2 = f1", "H2, f2 = -f1"
 LINES: Mapping[str, tuple[float, ...]] = {H1: (1.0,), H2_SUM: (1.0, 1.0), H2_DIFFERENCE: (1.0, -1.0)}
 """Lines along which responses are drawn: each tone's frequency over the first's."""

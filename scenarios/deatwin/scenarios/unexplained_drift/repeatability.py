@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant import Actuator, Creep, Effect, Experiment, Plant, PrestretchRelaxation, Recording, fleet
+from deatwin.plant.arrays import Array
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.records import plain
 from deatwin.scenarios.unexplained_drift.sealed import concealed_in
 from deatwin.studies.report.story import Measure, Table
 from deatwin.studies.report.words import Words
 
-Array = NDArray[np.float64]
 WORDS = Words(__package__)
 SECTION, SETTLING = 20.0, 5.0
 """Length of the section of noise that is repeated, and of what is not counted of it, s: after 5 s the specification,

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.plant import Actuator, Experiment, ModelError, Plant, Recording, fleet, specification
+from deatwin.plant.arrays import Array
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.records import plain, read
 from deatwin.scenarios.unexplained_drift.repeatability import Drift, Group, History, drift_of, grouped, runs
@@ -23,7 +23,6 @@ from deatwin.studies.sweep.run import run_sweep
 from deatwin.studies.sweep.seal import SweepSeal
 from deatwin.studies.sweep.store import CaseStore
 
-Array = NDArray[np.float64]
 VISITS = ((32.0, 80.0), (1020.0, 40.0))
 """Clock time at which the actuator is driven, and for how long, s. In between it rests at 0 V: effects that follow the
 drive start anew, effects that follow the clock go on. The first visit begins when the ball of the first actuator has

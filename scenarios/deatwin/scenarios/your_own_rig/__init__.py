@@ -14,10 +14,10 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.plant import Experiment, Plant
+from deatwin.plant.arrays import Array
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.scenarios.your_own_rig.roads import DRIVERS, Drives, bumps, concealed, record, rough_road, unread
@@ -47,7 +47,6 @@ FILE = "quarter_car.py"
 DRAG = "quadratic_damping"
 FINE = 0.01  # Share of the sensor's noise by which the integrators may differ
 NEAR = 1.1  # Times the sensor's noise, what the amended plant may leave
-Array = NDArray[np.float64]
 Told = tuple[Case, Diagnosis, Trial]
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.plant import Experiment, Plant, Recording, read_recording
+from deatwin.plant.arrays import Array
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.files import write_recording
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
@@ -17,7 +17,6 @@ from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.missing_physics import experiment_of
 
-Array = NDArray[np.float64]
 ROUGHNESS, BAND = 8e-3, 6.0  # Root mean square height of the road, m, and its band, Hz
 LENGTH = 12.0  # Duration of each drive, s
 BUMPS = ((1.0, 0.06, 0.5), (4.0, -0.05, 0.4), (6.5, 0.07, 0.8), (9.0, 0.05, 0.25))

@@ -10,7 +10,6 @@ from importlib import import_module
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx import NarxIdentifier
 from deatwin.ident.narx.frols import Frols
@@ -22,6 +21,7 @@ from deatwin.ident.narx.refine import refine
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.svb import SvbNarx
 from deatwin.ident.nss import NonlinearStateSpace, StateSpaceIdentifier
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 from deatwin.plant.records import finite
@@ -121,7 +121,6 @@ def _model(recording: Recording, terms: Iterable[str], theta: Any) -> NarxModel:
     )
 
 
-Array = NDArray[np.float64]
 Model = NarxModel | LinearModel | NonlinearStateSpace
 
 LINEAR, FROLS, SEMP, REFINED, GROWN = (

@@ -8,16 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes
 from deatwin.plant.files.formats.apart import unpacked
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sound_level_5
 from deatwin.plant.safe_read import clipped
-
-Array = NDArray[np.float64]
 
 LARGEST = 100_000_000  # Most bytes of such a file; the largest published one has some 5 million
 

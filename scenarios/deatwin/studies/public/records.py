@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Rule
+from deatwin.plant.arrays import Array
 from deatwin.plant.recording import Recording
 from deatwin.studies.public.columns import csv_columns, hdf5_vectors, matlab_vectors, require_samples
-
-Array = NDArray[np.float64]
 
 SILVERBOX_RATE = 1e7 / 2**14  # Hz
 ARROW_HEAD, MULTISINE = slice(0, 40_000), slice(40_650, 127_400)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import Axes, Figure
 from deatwin.studies.folder import ResultFolder
 
@@ -154,7 +155,6 @@ class Drawing:
             folder.csv(self.data, self.columns)
 
 
-Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 

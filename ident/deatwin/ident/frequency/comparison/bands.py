@@ -10,16 +10,16 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.ident.arguments import read_only, real_numbers
 from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.comparison.equality import Scatter
 from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
-Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 LINES = 8  # Frequencies in a band, enough for the curvature of a response with few poles

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.ident.narx.robust import Cosines
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 _FLAT = 1e-12  # share of the largest variance below which a direction has no scatter
 _HALVINGS = 100  # bisections of the multiplier of a margin, to 1e-30 of its bound

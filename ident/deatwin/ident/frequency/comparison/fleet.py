@@ -6,13 +6,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency.comparison.bands import BandMean
 from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.ident.frequency.comparison.equality import equality
+from deatwin.plant.arrays import Array
 
-Array = NDArray[np.float64]
 Means = tuple[BandMean, ...]
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means, whole_orders
@@ -30,9 +30,8 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings
 from deatwin.ident.narx.robust import BLOCKS, Cosines, pseudovalues
 from deatwin.ident.narx.terms import Term
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 SLOW = 8
 """Number of slow cosines that describe a drift, from half a period to four periods per record. A cycle that occurs

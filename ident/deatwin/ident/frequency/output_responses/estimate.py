@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.frequency.checks import polynomial_model, whole_order
@@ -23,10 +23,8 @@ from deatwin.ident.frequency.spectrum import cross_order, one_period, output_ord
 from deatwin.ident.narx.free_run import free_run
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.response import divergence_limit
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _MORE = 4  # orders beyond the requested one that may be fitted
 _HIGHEST = 20  # most orders that can be fitted: with two more, the powers of the levels reach a condition number of 1e8

@@ -17,11 +17,10 @@ from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input
 from deatwin.ident.frequency.output_responses.ranges import checked_band, checked_sample_time
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.arguments import instance, taking
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 _LINES = 20  # lines up to the end of the band if no period is given
 _MOST_SAMPLES = 10_000_000  # most samples of a period, 80 MB

@@ -6,13 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import read_only
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Flags = NDArray[np.bool_]
+from deatwin.plant.arrays import Array, Booleans, Complex
 
 _BETTER = 2.0  # ratio by which further orders must reduce the error to be taken
 _ROUNDING = 1e-12  # share of the spectra that is rounding error
@@ -53,7 +49,7 @@ def chebyshev_levels(count: int) -> Array:
     return read_only(np.concatenate([positive, -positive[::-1]]))
 
 
-def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried: range) -> LevelFit:
+def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Booleans], tried: range) -> LevelFit:
     """Fit Y(a) = a Y_1 + a^2 Y_2 + ... at each line over levels; `spectra` (n_levels, n_lines)."""
     # Take the smallest number of orders whose leave-one-out error is at most twice the smallest.
     reached = np.array(in_range[: levels.size])
@@ -76,7 +72,7 @@ def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried
     )
 
 
-def separated(powers: Array, spectra: Complex, in_range: Flags) -> tuple[Complex, Complex]:
+def separated(powers: Array, spectra: Complex, in_range: Booleans) -> tuple[Complex, Complex]:
     """Return the fitted orders (n_orders, n_lines), and the residual at each level when it is left out of the fit."""
     lengths = np.linalg.norm(powers, axis=0)
     orders, left_out = np.zeros(in_range.shape, dtype=np.complex128), spectra.copy()
@@ -94,7 +90,7 @@ def separated(powers: Array, spectra: Complex, in_range: Flags) -> tuple[Complex
     return orders, left_out
 
 
-def _left_out(levels: Array, spectra: Complex, in_range: Flags, most: int) -> Array:
+def _left_out(levels: Array, spectra: Complex, in_range: Booleans, most: int) -> Array:
     """Return, for 1, 2, ... orders, the unexplained share of the spectra at levels that were left out of the fit."""
     errors = np.full(most, np.inf)
     for n in range(1, min(most, levels.size - 1) + 1):

@@ -8,20 +8,17 @@ from operator import attrgetter
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.ranges import checked_sample_time
 from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, one_period, spectrum_of
 from deatwin.plant.arguments import instance, taking
+from deatwin.plant.arrays import Array, Booleans, Complex
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Flags = NDArray[np.bool_]
 
 AMPLIFICATION = 5.0
 """Largest acceptable sum of the magnitudes of the weights, which sum to one: beyond it G_n is erratic."""
@@ -60,7 +57,7 @@ class InputSpectrum(Described, Frozen):
     order: int = field(metadata=attribute())
     values: Complex = field(metadata=variable("frequency", name="", unit=attrgetter("unit")))
     in_phase: Array = field(metadata=variable("frequency", unit=attrgetter("unit")))
-    in_range: Flags = field(metadata=variable("frequency"))
+    in_range: Booleans = field(metadata=variable("frequency"))
     omega: Array
     unit: str
 
@@ -75,7 +72,7 @@ class InputSpectrum(Described, Frozen):
         return self.omega / (2 * np.pi)
 
     @property
-    def defined(self) -> Flags:
+    def defined(self) -> Booleans:
         """True where G_n exists, shape (n_lines,): at lines of `in_range` at which U_n exceeds rounding errors."""
         return np.asarray(self.in_range & (np.abs(self.values) > _CANCELLED * self.in_phase.max()), dtype=np.bool_)
 
@@ -182,7 +179,7 @@ def _unit(powers: Sequence[tuple[str, int]]) -> str:
     return " ".join(written) if all(unit for unit, _ in powers) else ""
 
 
-def _reached(excited: Sequence[Flags], n: int) -> Flags:
+def _reached(excited: Sequence[Booleans], n: int) -> Booleans:
     """Return the lines reached by sums of one excited line per factor, modulo the period's n lines."""
     reached = excited[0]
     for more in excited[1:]:

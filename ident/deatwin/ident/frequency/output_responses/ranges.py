@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deatwin.ident.arguments import read_only, real_number, real_numbers
 from deatwin.ident.frequency.checks import whole_order
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9  # gap that still counts as contact, relative to half the sampling rate or to the highest sum
 

@@ -8,17 +8,14 @@ from enum import Enum
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum
 from deatwin.ident.frequency.response import FrequencyResponse
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _SHOWN = 0.01  # truncation errors below this share of the gain are not drawn
 

@@ -16,10 +16,9 @@ from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfWarning
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import output_orders, spectrum_of
 from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 PERIODS = 40  # Periods until an output is settled: with 200 samples a period a pole of 0.9 is then at 1e-366
 
 

@@ -16,9 +16,7 @@ from deatwin.ident.frequency.uncertainty.parameters import Quantity
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyWarning, propagate
 from deatwin.ident.frequency.uncertainty.sampling import Sampled, sample
 from deatwin.ident.narx import NarxModel
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from deatwin.plant.arrays import Array, Complex
 
 DRAWS = 20_000  # Draws of the parameters
 SIMULTANEOUS = 0.99  # Probability that all elements at all frequencies lie in the Monte Carlo band

@@ -7,16 +7,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability
 from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.posterior import ThetaPosterior
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 Quantity = Callable[[Any], FrequencyResponse]
 """Function that computes a frequency response of a model, such as ``partial(gfrf, order=2, omega=omega)``."""

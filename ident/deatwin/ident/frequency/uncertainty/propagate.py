@@ -24,9 +24,8 @@ from deatwin.ident.frequency.uncertainty.parameters import (
 )
 from deatwin.ident.frequency.uncertainty.regions import Uncertain
 from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Metadata, attribute, variable
-
-Array = NDArray[np.float64]
 
 LIMIT = 0.25
 """Nonlinearity up to which the linear law is accepted. If the departure is of second order, the covariance is then

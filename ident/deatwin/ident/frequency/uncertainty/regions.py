@@ -16,13 +16,10 @@ from deatwin.ident.frequency.drawing import drawn_points
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, region_radius
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, nested, several, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-
 
 _MOST_ELLIPSES = 24  # most ellipses that are drawn; more would cover each other
 _MOST_POINTS = 300

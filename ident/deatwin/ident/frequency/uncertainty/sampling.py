@@ -22,13 +22,10 @@ from deatwin.ident.frequency.uncertainty.parameters import (
 )
 from deatwin.ident.frequency.uncertainty.regions import Uncertain, plot_draws
 from deatwin.ident.narx.model import NarxModel
-from deatwin.plant.arrays import require_generator
+from deatwin.plant.arrays import Array, Complex, require_generator
 from deatwin.plant.datasets import Metadata, attribute, variable
 from deatwin.plant.drawing import Axes
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _MOST_BYTES = 1 << 31  # of complex draws
 

@@ -27,9 +27,8 @@ from deatwin.ident.frequency.varying.response import VaryingResponse
 from deatwin.ident.narx.identifier import Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.trajectory import ThetaTrajectory, require_trajectory
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 _MOST_TIMES = 200  # most times of a map, unless the times are given
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import real_number
 from deatwin.ident.frequency.dc import Equilibrium, equilibrium
@@ -18,9 +17,8 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Term
 from deatwin.ident.narx.trajectory import ThetaTrajectory, require_trajectory
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-
-Array = NDArray[np.float64]
 
 _CLEAR = 0.25  # An equilibrium continues the branch if all others are at least four times as far away from the last one
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency.varying.response import VaryingResponse
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -24,9 +24,9 @@ from deatwin.ident.frequency.dc import deviations
 from deatwin.ident.frequency.hierarchy import Feedback, Jet, Parts, solve_parts
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.arrays import Complex
 
 Array = NDArray[Any]
-Complex = NDArray[np.complex128]
 Models = Sequence[NarxModel | None]
 """Models of successive times; None where there is none."""
 

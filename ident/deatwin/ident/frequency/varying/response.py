@@ -17,16 +17,13 @@ from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.linear import levels, motion
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from matplotlib.colors import Normalize
-
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 _NARROW = 10.0  # largest ratio of gains for which colours are linear in the gain

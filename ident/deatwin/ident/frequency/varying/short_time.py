@@ -19,10 +19,8 @@ from deatwin.ident.frequency.output_responses.powers import input_spectrum
 from deatwin.ident.frequency.output_responses.result import NofrfWarning
 from deatwin.ident.frequency.varying.along_time import tv_nofrf
 from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
-from deatwin.plant.arrays import root_mean_square
+from deatwin.plant.arrays import Array, Complex, root_mean_square
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 HIGHEST = 5  # N: the degree of the fleet's models, which have no higher order
 PERIODS = 10  # Periods after which a free run counts as steady
 BANDS = ((0.1, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 3.0))

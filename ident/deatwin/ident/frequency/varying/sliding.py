@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import probability, real_number
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.plant.amplitudes import axis_label
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _BATCHES = 10  # batches per window: their scatter shows how many independent samples serial correlation leaves
 _LEAST = 4  # least samples per batch

@@ -7,10 +7,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.greybox.parts import Part
-from deatwin.plant.arrays import root_mean_square
+from deatwin.plant.arrays import Array, root_mean_square
 from deatwin.plant.effects.primitives import (
     DeadBand,
     Largest,
@@ -24,7 +23,6 @@ from deatwin.plant.effects.primitives import (
 )
 from deatwin.plant.model import Plant
 
-Array = NDArray[np.float64]
 Signals = Mapping[str, Array]
 
 SHORTEST, LONGEST, TIMES = (0.1, 5), (100.0, 1000), 7

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter import Latent, open_place, smoothed
 from deatwin.ident.greybox.filter_foreign import linearise
@@ -30,13 +29,12 @@ from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
+from deatwin.plant.arrays import Array
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import Power, Primitive
 from deatwin.plant.errors import ModelError, SimulationError
 from deatwin.plant.model import Plant
-
-Array = NDArray[np.float64]
 
 LEAST_GAIN = 0.1
 """Smallest share by which the error on the held-out part must fall."""

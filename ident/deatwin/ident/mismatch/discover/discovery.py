@@ -8,13 +8,13 @@ from operator import attrgetter
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter import Latent
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.discover.dictionary import RATE
 from deatwin.ident.mismatch.result import FreeFormSummary, ShapeSummary, TermSummary
 from deatwin.plant.amplitudes import amplitude_unit
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import (
     Described,
     Metadata,
@@ -30,8 +30,6 @@ from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import Primitive
 from deatwin.plant.model import Plant
 from deatwin.plant.records import plain
-
-Array = NDArray[np.float64]
 
 SHOWN = {"m": ("mm", 1e-3), "m/s": ("mm/s", 1e-3), "N": ("mN", 1e-3)}
 """Units on axes, with their SI size; others are shown as they are."""

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, evidence
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 MOST_TERMS = 4
 RESAMPLES = 60

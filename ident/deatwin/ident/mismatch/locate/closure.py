@@ -24,8 +24,7 @@ from scipy.linalg import solve_triangular
 from deatwin.ident.greybox.filter_linear import Linear
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.locate.features import features, signal_at
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 MOST_FEATURES = 4
 FOLDS = 12

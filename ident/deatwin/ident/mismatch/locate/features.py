@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter_linear import Linear
 from deatwin.ident.greybox.filter_openings import Opening
+from deatwin.plant.arrays import Array
 from deatwin.plant.effects.base import Place
-
-Array = NDArray[np.float64]
 
 TIMES = 8
 """Number of time constants of the low passes, from two samples to a third of the record."""

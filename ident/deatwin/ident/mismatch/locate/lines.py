@@ -16,16 +16,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
 from deatwin.ident.mismatch.located import LineGroup
 from deatwin.plant.amplitudes import axis_label, written_unit
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
-
-Array = NDArray[np.float64]
 
 SAME = 1e-6
 """Largest difference between periods of a periodic command, as a share of its range."""

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.fleet.orders import CHOOSING, Plan, Progress, as_good, prepare_fleet
@@ -21,9 +20,9 @@ from deatwin.ident.narx.robust import robust
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.terms import Rule, Term
 from deatwin.ident.parallel import run_jobs
+from deatwin.plant.arrays import Array
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
 Structure = tuple[Term, ...]
 OPERATING_INPUT = 2.4  # Operating point at which all actuators are compared, V: the mean of the thesis' noise
 BAND = (0.0, 1.0)  # Band of the thesis' noise, Hz

@@ -14,10 +14,10 @@ from deatwin.ident.narx.preprocess import choose_orders
 from deatwin.ident.narx.rules import AtMost
 from deatwin.ident.narx.terms import generate_terms
 from deatwin.ident.parallel import run_jobs
+from deatwin.plant.arrays import Array
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 CHOOSING = 0.3  # Share of the training section, at its end, on which sampling time, lags and degree are chosen

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.estimate import LeastSquares
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
@@ -21,7 +20,6 @@ from deatwin.plant.arguments import truth
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
 Counts = int | Sequence[int]
 
 

@@ -19,7 +19,7 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.ident.narx.values import set_covariance, set_signals, signals_of
-from deatwin.plant.arrays import texts
+from deatwin.plant.arrays import Array, texts
 from deatwin.plant.datasets import (
     Described,
     Metadata,
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from control import TransferFunction
 
 
-Array = NDArray[np.float64]
 SCHEMA = "deatwin/linear/1"
 _WARMUP_PER_STATE = 10  # samples of warm-up; noise on the state at the start falls with their square root
 

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Variables
 from deatwin.plant.errors import ModelError
 
-Array = NDArray[np.float64]
 _LARGEST = 0.9999  # magnitude up to which a root counts as inside the unit circle when a search starts
 
 

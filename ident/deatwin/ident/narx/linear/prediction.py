@@ -11,12 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
+from deatwin.plant.arrays import Array
 
-Array = NDArray[np.float64]
 Record = tuple[Array, Array]  # Scaled inputs, (n_inputs, n), and output, (n,)
 
 

@@ -11,12 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, reflected
 from deatwin.ident.narx.linear.prediction import Record, lagged
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 _ONE = np.ones(1)
 _ONE.setflags(write=False)

@@ -16,10 +16,9 @@ from deatwin.ident.narx.long_arx import LongArx, Signals, answer_chance, enough_
 from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.arguments import each, instance, taking
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording, label
-
-Array = NDArray[np.float64]
 
 _SEEN = 1e-4
 """p-value below which a coefficient is significant: over the 100 lags that are tried, 1 % for a false one."""

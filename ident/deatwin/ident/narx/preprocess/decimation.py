@@ -15,16 +15,15 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.arguments import taking
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
 
-Array = NDArray[np.float64]
 _WANTED = (10, 20)  # wanted number of samples to the first minimum
 _KEPT = 10
 """Least samples that decimation leaves in a period of the output's fastest part: L. Ljung, System Identification, 2nd

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 from deatwin.ident.narx.linear.prediction import PredictionErrorLoss, Record
 from deatwin.ident.narx.linear.start import starting_points
 from deatwin.ident.narx.long_arx import LongArx
-
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
 
 _STRUCTURES = ((1, 1), (2, 1), (1, 2), (2, 2), (3, 2))
 """Numbers of coefficients of B and F: plants of first and second order under a held input, with whole and fractional

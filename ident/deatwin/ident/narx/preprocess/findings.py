@@ -22,11 +22,11 @@ from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.repeats import whole_period_of
 from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
 from deatwin.plant.arguments import taking
+from deatwin.plant.arrays import Array
 from deatwin.plant.errors import DataError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording, label
 
-Array = NDArray[np.float64]
 _SEGMENTS = 20  # segments whose means are tested for a trend and a drift
 _NEIGHBOURHOOD = 101  # samples over which the usual deviation of a reading is determined
 _RINGING = 10  # samples beside an outlier in which no other reading deviates, and samples that ringing may last

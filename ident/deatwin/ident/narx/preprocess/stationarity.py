@@ -12,9 +12,9 @@ from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from deatwin.plant.arrays import Array
+
 STATISTICS = ("mean", "variance", "fast variance")
 ENOUGH_CORRELATION_TIMES = 15.0
 """Length of a segment, in correlation times, from which on the tests keep their level."""
