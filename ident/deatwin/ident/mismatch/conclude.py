@@ -20,7 +20,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.criteria import held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import Naming, is_possible, normalised
-from deatwin.ident.mismatch.naming.places import causes_of
+from deatwin.ident.mismatch.naming.places import causes_of, timing_error
 from deatwin.ident.mismatch.partly import unexplained
 from deatwin.ident.mismatch.quality.faults import faults_of
 from deatwin.ident.mismatch.refit.exchange import exchanged_lags
@@ -83,6 +83,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *findings.checked.notes,
             *(findings.verification.failures if findings.naming.best is not None else ()),
             *_left_over(findings),
+            *_late(findings),
             *_placed_unseen(findings),
             *_form(findings),
             *_variants_of_alternatives(findings),
@@ -204,6 +205,18 @@ def _indistinguishable(findings: Findings) -> tuple[IndistinguishablePair, ...]:
     )
 
 
+def _late(findings: Findings) -> Iterator[str]:
+    """Tell the timing error that the amended plant includes."""
+    plant = findings.final.plant
+    for effect in (e for e in plant.effects if e.name in timing_error(findings.answer)):
+        time = plant.parameters[f"{effect.name}.time"]
+        shown = Interval(value=time.value, low=time.value, high=time.value, unit=time.unit).shown
+        yield (
+            f"the amended model also includes a {effect.title or spaced(effect.name)} of "
+            f"{amount(number(shown.value), shown.unit)}, which counts as a timing error of the rig, not as missing physics"
+        )
+
+
 def _left_over(findings: Findings) -> list[str]:
     """Warn if a good explanation leaves more than the model error."""
     if not findings.named or findings.answer.adequate or findings.left is not None:
@@ -261,8 +274,8 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
     shares = shares_explained(base.chosen, findings.answer, findings.naming.candidates, base.noise)
     causes, every = [], findings.problem.everywhere
     for effect in final.plant.effects:
-        if effect.name not in findings.answer.effects:
-            continue  # the nominal plant has it already
+        if effect.name not in findings.answer.effects or effect.name in timing_error(findings.answer):
+            continue  # the nominal plant has it already, or it is no cause
         parameters = {}
         for parameter in effect.parameters:
             low, high = findings.intervals.interval(parameter.name)
@@ -296,12 +309,13 @@ def _explanations(findings: Findings) -> tuple[Explanation, ...]:
     """Return the probabilities of the answer and of its alternatives, each over all places of its effects."""
     if not findings.named or findings.verdict is Verdict.PARTLY:
         return ()
-    naming, cause_of = findings.naming, {e.name: e.cause for e in findings.problem.everywhere}
+    explanations = (findings.answer, *findings.naming.alternatives)
+    causes_by_names = {c.effects: causes_of(c) for c in (*findings.naming.candidates, *explanations)}
     weights: dict[tuple[str, ...], float] = {}
     for names, weight in _weights(findings).items():
-        causes = tuple(sorted(cause_of[name] for name in names))
+        causes = tuple(sorted(causes_by_names[names]))
         weights[causes] = weights.get(causes, 0.0) + weight
-    offered = dict.fromkeys(causes_of(candidate) for candidate in (findings.answer, *naming.alternatives))
+    offered = dict.fromkeys(map(causes_of, explanations))
     return tuple(
         Explanation(effects=causes, probability=(1.0 - MARGIN) * min(1.0, weights[tuple(sorted(causes))]))
         for causes in offered

@@ -18,7 +18,7 @@ from deatwin.ident.mismatch.detect.origin import OriginEvidence, origin_of
 from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
 from deatwin.ident.mismatch.excess import excess_of, practical_size
-from deatwin.ident.mismatch.likelihood.beforehand import TIMING
+from deatwin.ident.mismatch.likelihood.beforehand import LATEST
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.quality.noise import noise_level
 from deatwin.ident.mismatch.quality.repeats import find_repeats, repeatability
@@ -44,9 +44,6 @@ BEYOND_CHANCE = 3.0
 was 1.8."""
 SCATTER = 3.0
 """Allowance for the scatter of the noise's power, in standard deviations; it matters in short records."""
-SURELY_LATE = 2.0
-"""Half width of the 95 % interval of the time of a reading, in standard deviations; a reading that is later has a dead
-time."""
 POINTS = 400
 """Largest number of points of a drawn curve."""
 
@@ -123,14 +120,14 @@ def _answering_late(base: Candidate, problem: DiagnosisProblem, size: float) -> 
     """Refit the plant with a dead time; return the fit if it is adequate and the dead time within the timing error."""
     # Triggers, filters and integrators of real rigs are slightly late, which is no missing physics. This is not tried
     # if the residual's `size`, SI, is larger than such a dead time could cause.
-    fit, share = base.calibration, SURELY_LATE * TIMING  # in samples
+    fit = base.calibration
     if Delay.name in fit.plant.effect_names or Delay.name not in {effect.name for effect in problem.effects}:
         return None
     steps = np.concatenate([np.diff(readings) for readings in _simulated(base, problem)])
-    moved = share * float(np.sqrt(np.mean(steps**2)))
+    moved = LATEST * float(np.sqrt(np.mean(steps**2)))
     if size > np.hypot(moved, practical_size(base.noise, fit.plant.rig.model_error)):
         return None
-    longest = share * problem.nominal.rig.sample_time
+    longest = LATEST * problem.nominal.rig.sample_time
     late = finish(roughly(fit.plant.with_effects(Delay(time=longest / 2)), problem.everything), problem.everything)
     short = late.status.ok and late.plant.parameters["delay.time"].value <= longest
     return late if short and _leaves_nothing(late, base, problem) else None

@@ -28,6 +28,8 @@ FAST, FAST_TIMES = 0.4, (5.0, 50.0)
 times are chosen for the motion."""
 TIMING = 0.15
 """Prior standard deviation of the time at which the command acts or a further reading is taken, in samples."""
+LATEST = 2.0 * TIMING
+"""Largest timing error of a rig, in samples, half width of its 95 % interval: a rig that answers later lacks an effect."""
 SLOW, SLOW_TIME, SLOW_MODES = 0.3, 3000.0, 4
 """Rms of the slow part of the model error, as a share of the rig's, its time constant in samples, and the number of its
 modes that are kept in each recording."""

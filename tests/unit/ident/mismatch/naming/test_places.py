@@ -1,12 +1,15 @@
 """Effects at further places in a diagnosis: named where they enter, or told as one cause whose place is open."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from oscillator import Oscillator
 
 from deatwin.ident.mismatch import Verdict, diagnose
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.places import causes_of
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.quality.quality import check_quality
 from deatwin.plant import (
@@ -20,6 +23,7 @@ from deatwin.plant import (
     Recording,
     Rig,
     SensorDrift,
+    SensorJump,
     SensorLag,
 )
 from deatwin.plant.integrator.compiled import compiler
@@ -66,6 +70,37 @@ def test_a_late_camera_beside_an_undelayed_current_is_placed_at_the_reading():
     (cause,) = found.causes
     assert (found.verdict, cause.effect, cause.place, cause.family) == (Verdict.NAMED, "delay", "reading", "sensor")
     assert cause.parameters["time"].low < 0.1 < cause.parameters["time"].high
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_a_timing_error_beside_an_effect_is_no_second_cause():
+    rig = Oscillator()
+    late = 0.25 * rig.sample_time
+    hidden = [SensorJump(change=2e-4, at=4.0), Delay(time=late)]
+    found = diagnose(Plant(rig=rig), recorded(rig, *hidden, level=40.0), effects=[SensorJump(), Delay()])
+    (jump,) = found.causes
+    assert (found.verdict, jump.effect, found.rivals) == (Verdict.NAMED, "sensor_jump", ())
+    assert jump.parameters["change"].low < 2e-4 < jump.parameters["change"].high
+    # It stays in the model, whose predictions would otherwise be late.
+    fitted = found.model.plant.parameters["delay.time"].value
+    assert fitted == pytest.approx(late, rel=0.05)
+    assert [f"a delay of {1e3 * fitted:.3g} ms" in text for text in found.warnings if "timing error" in text] == [True]
+
+
+@pytest.mark.parametrize(
+    ("added", "causes"),
+    [
+        ([SensorJump(), Delay(time=0.0059)], ("sensor_jump",)),
+        ([SensorJump(), SensorLag(time=0.0059).placed("command")], ("sensor_jump",)),
+        ([SensorJump(), Delay(time=0.0061)], ("sensor_jump", "delay")),
+        ([Delay(time=0.0059)], ("delay",)),
+    ],
+)
+def test_the_time_of_a_reading_is_known_to_six_milliseconds_at_fifty_samples_a_second(added, causes):
+    """Two deviations of 0.15 samples; a short delay alone is weighed by the detection."""
+    plant = Plant(rig=Oscillator(), effects=tuple(added))
+    one = Candidate(effects=plant.effect_names, calibration=SimpleNamespace(plant=plant), unseen=np.zeros(0), noise=1.0)
+    assert sorted(causes_of(one)) == sorted(causes)
 
 
 @pytest.mark.usefixtures("uncompiled")
