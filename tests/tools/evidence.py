@@ -242,10 +242,10 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
         f"The study ran {len(outcomes)} trials with seed {trials['seed']} (hash of the sources: "
         f"`{trials['code'][:12]}`).",
         trials["remark"],
-        f"In {len(outcomes) - designs} of the {len(outcomes)} trials, the check failed at the design stage, because no "
-        f"design met the specification on the model. Of the other {designs} designs, {passed} passed the check. "
-        f"{broken.count} designs broke a limit on the true rig, and {broken.count - broken.hits} of them had passed. In "
-        "the table, a design that did not pass counts as rejected. The bounds are one-sided 95 % confidence bounds "
+        f"In {len(outcomes) - designs} of the {len(outcomes)} trials, no controller could be designed that met the "
+        f"specification on the model. Of the {designs} designs in the other trials, {passed} passed the check. "
+        f"{broken.count} designs broke a limit on the true rig; {broken.count - broken.hits} of these had passed. In the "
+        "tables, a design that did not pass counts as rejected. The bounds are one-sided 95 % confidence bounds "
         "(Clopper and Pearson).",
     ]
     return [" ".join(word for word in words if word)]

@@ -91,7 +91,7 @@ def test_a_folder_of_trials_becomes_data_and_pages(results: Path, docs: Path) ->
     assert [Outcome(**row) for row in data["trials"]] == TRIALS
     page = (docs / "control-check.md").read_text(encoding="utf-8")
     assert "5 trials with seed 9 (hash of the sources: `cccccccccccc`). Run on a Sunday." in page
-    assert "In 1 of the 5 trials, the check failed at the design stage" in page
+    assert "In 1 of the 5 trials, no controller could be designed" in page
     assert "at least 90 %) | 1 of 2, 50 % (95 % lower bound: 2 %) |" in page  # 1 - 0.95^(1/2) = 2.53 %, rounded down
     assert "the check rejected the design (goal: at least 90 %) | 1 of 1, 100 % (95 % lower bound: 5 %) |" in page
     assert "keep every limit on the true rig: the check rejected the design | 1 of 3, 33 % |" in page
