@@ -296,7 +296,7 @@ def _progress_is_told(identifier: Any, data: tuple[Recording, ...]) -> None:
     shares = np.array([share for share, _ in told], dtype=np.float64)
     _require(
         bool(np.all((shares >= 0) & (shares <= 1 + 1e-12)) and np.all(np.diff(shares) >= -1e-12)),
-        "progress takes the share that is done: it must rise within 0 to 1",
+        "the first argument of progress is the finished share of the work; it must rise within 0 to 1",
     )
     _require(all(isinstance(doing, str) for _, doing in told), "progress takes what is being done as a text")
 

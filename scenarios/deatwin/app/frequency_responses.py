@@ -163,7 +163,7 @@ class Responses:
         if self.nofrfs is not None and self.signal is not None:
             yield (
                 f"the NOFRFs of orders 1 {'and' if self.order == 2 else 'to'} {self.order} come from a fit of "
-                f"{self.nofrfs.highest} orders to the outputs for test signals of up to {amount(f'{self.signal.amplitude:.4g}', unit)} (condition number of the "
+                f"orders 1 to {self.nofrfs.highest} to the outputs for test signals of up to {amount(f'{self.signal.amplitude:.4g}', unit)} (condition number of the "
                 f"fit: {self.nofrfs.condition:.3g}); {self.nofrfs.status.value}"
             )
             yield from _truncated(self.nofrfs)

@@ -127,7 +127,7 @@ def test_all_orders(
         and "an input from 0 to 1 Hz causes an output of order 3 only from 0 to 3 Hz" in said
     )
     assert re.search(
-        r"the NOFRFs of orders 1 to 3 come from a fit of \d+ orders to the outputs for test signals of up to 1 V \(condition "
+        r"the NOFRFs of orders 1 to 3 come from a fit of orders 1 to \d+ to the outputs for test signals of up to 1 V \(condition "
         r"number of the fit: [\d.]+\); the test signal and its amplitudes suit the requested orders\n",
         said,
     )

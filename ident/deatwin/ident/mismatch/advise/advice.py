@@ -145,8 +145,9 @@ class Advice(Described):
             else f"; if {spaced(listed(self.undecided))} still remain possible, measure {self.measure}"
         )
         return (
-            f"Record a further experiment of {self.seconds:.4g} s{load} ({self.waveform}, {INPUT_FILE}). The probability "
-            f"that a wrong one of {which} fits better than the true one then falls from {before} to {after}{rest}.{self._odds}"
+            f"Record a further experiment of {self.seconds:.4g} s{load} ({self.waveform}, {INPUT_FILE}) to "
+            f"distinguish {which}. The probability that a wrong explanation fits better than the true one then falls from {before} to "
+            f"{after}{rest}.{self._odds}"
         )
 
     @property
