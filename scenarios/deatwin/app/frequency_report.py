@@ -253,7 +253,7 @@ def _rows(found: Responses) -> list[Measure]:
         left = float(fitted.residual[:, -1].max())
         rows += [
             Measure(
-                "factor by which the test signal amplifies errors in the NOFRFs",
+                "factor by which cancellation in the test signal amplifies errors of the NOFRFs",
                 f"at most {AMPLIFICATION:g}",
                 f"{grown:.3g}",
                 grown <= AMPLIFICATION,

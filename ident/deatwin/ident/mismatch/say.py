@@ -315,7 +315,7 @@ def likely_places(diagnosis: Diagnosis) -> str:
 def _how_fast(found: LocationSummary) -> str:
     """Return the range of frequencies that holds most of the mismatch's power; empty if none does."""
     band = next((b for b in found.frequency if b.power > HALF * sum(one.power for one in found.frequency)), None)
-    return "" if band is None else f"most of the power of the mismatch is {_at(band)}"
+    return "" if band is None else f"most of the power of the mismatch lies at frequencies {_at(band)}"
 
 
 def _when(found: LocationSummary, diagnosis: Diagnosis) -> str:
@@ -549,7 +549,7 @@ def _next(diagnosis: Diagnosis) -> list[str]:
     load = "" if mass is None else f" with {number(mass)} g added to the load"
     return [
         f"recording the response to the {number(advised.seconds)} s of input in {advised.file}{load} would lower the "
-        f"probability that a wrong explanation fits better than the true one from {before} to {after} %",
+        f"probability that a wrong explanation fits better than the true one: from {before} to {after} %",
         f"also measure {advised.measure}, because the input in {advised.file} cannot distinguish all explanations"
         if advised.undecided
         else "",

@@ -486,7 +486,7 @@ def test_a_refuted_explanation_and_a_free_form_are_no_causes():
 
 def test_an_unknown_mismatch_is_said_to_lie_where_and_what_to_suspect():
     assert (
-        "(sensor noise: 2.0 µm rms). The mismatch is spread over the recordings. Most of the power of the mismatch is below "
+        "(sensor noise: 2.0 µm rms). The mismatch is spread over the recordings. Most of the power of the mismatch lies at frequencies below "
         "1.4 Hz. The mean residual is largest in magnitude, -6.7 µm, 0.520 to 58.3 s after the latest rest of the "
         "command or the start of the recording, whichever is later. If the readings are sound, first look for the cause at the film, because the signals there predict the mismatch best."
     ) in DIAGNOSES["unknown, located"].sentence
@@ -498,7 +498,7 @@ def test_an_unknown_mismatch_is_said_to_lie_where_and_what_to_suspect():
     other = replace(LOCATED, time=(), frequency=LOCATED.frequency[1:], region=(falling,), place=LOCATED.place[2:])
     said = made_up(Verdict.UNKNOWN, location=other).sentence
     assert said.endswith(
-        " Most of the power of the mismatch is from 5.2 to 9.7 Hz. The mean residual is largest in magnitude, 9.1 µm, "
+        " Most of the power of the mismatch lies at frequencies from 5.2 to 9.7 Hz. The mean residual is largest in magnitude, 9.1 µm, "
         "while the reading falls."
     )
 
