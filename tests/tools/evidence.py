@@ -47,7 +47,7 @@ STUDY, LONG_STUDY = "concealed-physics", "concealed-physics-long"
 FIGURE = """
 ## In one figure
 
-![Confusion of families, naming by strength, stated probabilities, errors on held-out data]({name}.svg)
+![Confusion of families, share of effects named, stated probabilities, errors on held-out data]({name}.svg)
 """
 DATA = {
     "control-check": TRIALS,

@@ -209,8 +209,8 @@ def _recordings(rows: Rows) -> list[str]:
         *markdown_table(head, cells),
         "",
         "All errors are rms errors on a held-out recording. The best NARX model was chosen by its error on this recording, "
-        f"which favours it. The best NARX model has a smaller error than the plant for {ahead} of the {beside} data sets. In closed loop, the "
-        "feedback suppresses the effect of model errors, so the rms errors are much smaller than in open loop.",
+        f"so the comparison favours the NARX model. The best NARX model has a smaller error than the plant with the effect for {ahead} "
+        f"of the {beside} data sets. In closed loop, the feedback suppresses the effect of model errors, so the rms errors are much smaller than in open loop.",
     ]
 
 

@@ -194,7 +194,7 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     design = ", for example to design a controller (deatwin check)" if len(found.model.input_names) == 1 else ""
     return StoryPage(
         title="frequency",
-        sentence=f"Frequency responses of {orders} were computed at an operating input of {found.about}: {found.first.status.value}.",
+        sentence=f"Frequency responses of {orders} were computed at an operating input of {found.about}; {found.first.status.value}.",
         caveats=[as_sentence(text) for text in found.caveats],
         rows=rows,
         notes=[Note(title="Notes", paragraphs=[as_sentence(text) for text in messages])],
@@ -253,7 +253,7 @@ def _rows(found: Responses) -> list[Measure]:
         left = float(fitted.residual[:, -1].max())
         rows += [
             Measure(
-                "factor by which the test signal amplifies errors in the NOFRFs",
+                "factor by which cancellation in the test signal amplifies errors of the NOFRFs",
                 f"at most {AMPLIFICATION:g}",
                 f"{grown:.3g}",
                 grown <= AMPLIFICATION,

@@ -26,7 +26,7 @@ from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_
 from deatwin.studies.report.tables import drawn_table
 
 NEXT = {
-    True: "use the model within the range and frequencies of these inputs.",
+    True: "use the model for inputs within the recorded range and frequencies.",
     False: "try other lags, another --degree or another --method; the table below shows which goal the model misses.",
 }
 """Advice, by whether all measures are reached."""

@@ -38,8 +38,8 @@ def _drawings(found: ExperimentPlan, folder: ResultFolder) -> Iterator[Drawing]:
         folder.text("figures/visible.svg", standalone(figure))
         caption = (
             "For each effect, the smallest change of the reading that is detected, and the change that the effect causes at its "
-            "typical strength. This input does not reveal an effect whose change at the typical strength is smaller than the "
-            "smallest detected change."
+            "typical strength. If the smallest detected change is larger, this input does not reveal the effect at its "
+            "typical strength."
         )
         yield Drawing.of(figure, "visible", "What the input would show", caption, "\n".join([header, *rows, ""]))
 
@@ -92,21 +92,21 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
         notes=[Note(title="How this was computed", paragraphs=list(_said(found, unit)))],
         figures=drawings,
         tables=tables,
-        next="record this input if it reveals the effects that you suspect; otherwise plan a larger or longer input.",
+        next="record the response to this input if the input reveals the effects that you suspect; otherwise plan a larger or longer input.",
     )
 
 
 def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
     noise, error = (amount(f"{value:.3g}", unit) for value in (found.noise, found.model_error))
     yield (
-        f"The plan uses the nominal model, linearised. It assumes sensor noise of {noise} rms and a model error of {error} rms. "
+        f"The plan uses the nominal model, linearised. The plan assumes sensor noise of {noise} rms and a model error of {error} rms. "
         "All parameters of the model are refitted together with each effect."
     )
     yield (
-        "An effect counts as detected if the diagnosis is expected to give it a probability of at least 95 %, and if it changes "
-        "the reading by more than the model error even after all parameters are refitted. Two effects count as not "
-        "distinguished if the wrong effect, with suitable parameters, would fit better than the right effect in more than 2.3 % "
-        "of all recordings."
+        "An effect counts as detected under two conditions: the diagnosis is expected to give this effect a probability of at "
+        "least 95 %, and the change of the reading that remains after a refit of all parameters is large enough to count as "
+        "missing physics. Two effects count as not distinguished if the wrong effect, with suitable parameters, would fit "
+        "better than the right effect in more than 2.3 % of all recordings."
     )
     if found.impossible:
         yield f"The model could not be simulated with {', '.join(map(spaced, found.impossible))}."

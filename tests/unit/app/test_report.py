@@ -149,7 +149,10 @@ def test_what_an_advised_input_leaves_undecided_is_named(tmp_path: Path) -> None
         undecided=left,
     )
     page = unescape(page_of(replace(DIAGNOSIS, verdict=Verdict.AMBIGUOUS, advice=advised), tmp_path))
-    assert "falls from 38 to 20 %. Even then, these explanations may each be confused with another one: " in page
+    assert (
+        "falls from 38 to 20 %. Even with this recording, each of these explanations may be confused with another one: "
+        in page
+    )
     assert "permittivity drift, drift of the amplifier's gain. So also measure the capacitance." in page
 
 
@@ -345,7 +348,7 @@ def test_the_page_shows_every_step_in_order(whole: str) -> None:
         "not tested: it hardly differs",
         "-126 ± 8 %",
         "not determined",
-        "during rests and up to 50.0 s after the start of the recording or the end of the most recent rest of the command",
+        "during rests of the command and up to 50.0 s after the latest rest or the start of the recording, whichever is later",
         "displacement rate from -332 to 326 µm/s",
         "<td>falling reading</td>",
         "The strength of creep is not constant: in a fit that lets it vary, it changes by -126 % over the fitted data",
@@ -387,21 +390,19 @@ EXPLANATIONS = {
     [
         (
             Verdict.NONE,
-            "the error beyond sensor noise (on fitted or on held-out data, whichever is larger) is 0.340 µm rms (p = 0.230 for "
-            "all tests of the residual together; a mismatch would need p < 0.01), and errors below 1.19 µm rms do not count "
-            "as a mismatch.",
+            "the error beyond sensor noise is 0.340 µm rms (the larger of the errors on fitted and on held-out data); all tests "
+            "of the residual together give p = 0.230, and a mismatch would need at least 1.19 µm rms and p < 0.01.",
         ),
         (
             Verdict.PARAMETERS,
-            "the error beyond sensor noise (on fitted or on held-out data, whichever is larger) is 0.340 µm rms (p = 0.230 for "
-            "all tests of the residual together; a mismatch would need p < 0.01), and errors below 1.19 µm rms do not count "
-            "as a mismatch.",
+            "the error beyond sensor noise is 0.340 µm rms (the larger of the errors on fitted and on held-out data); all tests "
+            "of the residual together give p = 0.230, and a mismatch would need at least 1.19 µm rms and p < 0.01.",
         ),
         (
             Verdict.UNKNOWN,
-            "the error beyond sensor noise (on fitted or on held-out data, whichever is larger) is 0.340 µm rms, and errors "
-            "below 1.19 µm rms do not count as a mismatch; no single effect or signal accounts for more than 34 % of the "
-            "mismatch (at the film).",
+            "the error beyond sensor noise is 0.340 µm rms (the larger of the errors on fitted and on held-out data), and "
+            "errors below 1.19 µm rms do not count as a mismatch; of all single effects and signals, one at the film accounts "
+            "for the largest share of the mismatch, 34 %.",
         ),
         (
             Verdict.DISTURBANCE,

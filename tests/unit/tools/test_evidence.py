@@ -229,7 +229,10 @@ def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, s
     row = {"story": "silverbox", "verdict": verdict, "causes": ["cubic_stiffness"], **errors}
     made = measured_blocks({"stories": [], "measures": [], "recordings": [row]})["recordings-of-others"]
     assert f"| {shown} | open loop | 250 and {1000 * amended:g} mV | 2 mV |" in made[2]
-    assert f"The best NARX model has a smaller error than the plant for {ahead} of the 1 data sets." in made[-1]
+    assert (
+        f"The best NARX model has a smaller error than the plant with the effect for {ahead} of the 1 data sets."
+        in made[-1]
+    )
 
 
 def test_a_folder_without_any_scenario_is_refused(tmp_path: Path) -> None:

@@ -209,7 +209,7 @@ def _margin(name: str, size: str, row: MarginRow, unit: str) -> str:
     where = _where(row, unit)
     least = size if size == "infinite" else f"at least {size}"
     if row.source == BAND:
-        of = "with 95 % confidence, linearised"
+        of = "with 95 % confidence, to first order in the parameters"
         return f"{where}, the {name} is {least} ({of})"
     if row.samples > 1:
         return f"{where}, the {name} is {least} for 97.5 % of the {_draws(row)}"
@@ -220,7 +220,7 @@ def _partly_stable(row: MarginRow, unit: str) -> str:
     where = _where(row, unit)
     share = f"{100 * row.stable_share:.0f} %"
     if row.source == BAND:
-        of = "linearised"
+        of = "to first order in the parameters"
         return f"{where}, the model's loop is stable with a probability of {share} ({of})"
     if row.samples > 1:
         return f"{where}, the loop is stable for {share} of the {_draws(row)}"
@@ -251,7 +251,7 @@ def _stable(rows: Sequence[MarginRow], unit: str) -> str:
     """Return the finding that all loops of one source are stable, in words."""
     if rows[0].source == BAND:
         where = _where(rows[0], unit)
-        return f"{where}, the loop is stable for every response within the model's 95 % band (linearised)"
+        return f"{where}, the loop is stable for every response within the model's 95 % band (to first order in the parameters)"
     whose = _whose(rows[0])
     kind = "operating points" if all(row.time is None for row in rows) else "operating points and times"
     count = f" at all {len(rows)} {kind}" if len(rows) > 1 else ""

@@ -121,8 +121,10 @@ def _clean(diagnosis: Diagnosis) -> str:
         return f"after the fit to all recordings, the error beyond sensor noise is {small}"
     chance = f"p = {number(found.p_value)}"
     if found.practical is not None and found.excess < found.practical:
-        needed = f"; a mismatch would need p < {LEVEL:g}" if found.p_value >= LEVEL else ""
-        return _beyond_noise(diagnosis, f" ({chance} for all tests of the residual together{needed})")
+        least = _rms(found.practical, diagnosis)
+        small = f"but errors below {least} do not count as a mismatch"
+        needed = small if found.p_value < LEVEL else f"and a mismatch would need at least {least} and p < {LEVEL:g}"
+        return f"{_beyond(found.excess, diagnosis)}; all tests of the residual together give {chance}, {needed}"
     return f"{_beyond(found.excess, diagnosis)}, but it may be due to chance ({chance}; an error of this size counts only if p < {LEVEL:g})"
 
 
@@ -131,9 +133,10 @@ def _unknown(diagnosis: Diagnosis) -> str:
     best = max(located, key=_accounted, default=None)
     effect = ""
     if best is not None:
-        where = at_body(" ".join(filter(None, (best.signal, "at the", best.place))), diagnosis)
+        where = at_body(f"{best.signal or 'one'} at the {best.place}", diagnosis)
         by = best.effect if best.effect and best.score >= (best.explained or 0.0) else where
-        effect = f"no single effect or signal accounts for more than {100 * _accounted(best):.0f} % of the mismatch ({spaced(by)})"
+        share = f"the largest share of the mismatch, {100 * _accounted(best):.0f} %"
+        effect = f"of all single effects and signals, {spaced(by)} accounts for {share}"
     return "; ".join(filter(None, [_beyond_noise(diagnosis), effect]))
 
 
@@ -163,19 +166,19 @@ def _disturbance(diagnosis: Diagnosis) -> str:
     )
 
 
-def _beyond_noise(diagnosis: Diagnosis, chance: str = "") -> str:
+def _beyond_noise(diagnosis: Diagnosis) -> str:
     found = diagnosis.detection
     if found.p_value is None or found.excess is None:
         return ""
     beyond = _beyond(found.excess, diagnosis)
     if found.practical is None:
         return beyond
-    return f"{beyond}{chance}, and errors below {_rms(found.practical, diagnosis)} do not count as a mismatch"
+    return f"{beyond}, and errors below {_rms(found.practical, diagnosis)} do not count as a mismatch"
 
 
 def _beyond(excess: float, diagnosis: Diagnosis) -> str:
-    larger = "on fitted or on held-out data, whichever is larger"
-    return f"the error beyond sensor noise ({larger}) is {_rms(excess, diagnosis)}"
+    larger = "the larger of the errors on fitted and on held-out data"
+    return f"the error beyond sensor noise is {_rms(excess, diagnosis)} ({larger})"
 
 
 def _data_fault(diagnosis: Diagnosis) -> str:

@@ -250,8 +250,11 @@ def ends(region: Region) -> tuple[float, float]:
 def since_rest(region: Region) -> str:
     """Return a range of the time since the command rested, in the words of a condition; it is 0 during a rest."""
     low, high = ends(region)
-    begins = "during rests and up" if low <= 0.0 else number(low)
-    return f"{begins} to {number(high)} s after the start of the recording or the end of the most recent rest of the command"
+    high_s = f"{number(high)} s after the latest rest"
+    span = (
+        f"during rests of the command and up to {high_s}" if low <= 0.0 else f"{number(low)} to {high_s} of the command"
+    )
+    return f"{span} or the start of the recording, whichever is later"
 
 
 def _in(region: Region, diagnosis: Diagnosis) -> str:
@@ -312,7 +315,7 @@ def likely_places(diagnosis: Diagnosis) -> str:
 def _how_fast(found: LocationSummary) -> str:
     """Return the range of frequencies that holds most of the mismatch's power; empty if none does."""
     band = next((b for b in found.frequency if b.power > HALF * sum(one.power for one in found.frequency)), None)
-    return "" if band is None else f"most of the power of the mismatch is {_at(band)}"
+    return "" if band is None else f"most of the power of the mismatch lies at frequencies {_at(band)}"
 
 
 def _when(found: LocationSummary, diagnosis: Diagnosis) -> str:
@@ -546,7 +549,7 @@ def _next(diagnosis: Diagnosis) -> list[str]:
     load = "" if mass is None else f" with {number(mass)} g added to the load"
     return [
         f"recording the response to the {number(advised.seconds)} s of input in {advised.file}{load} would lower the "
-        f"probability that a wrong explanation fits better than the true one from {before} to {after} %",
+        f"probability that a wrong explanation fits better than the true one: from {before} to {after} %",
         f"also measure {advised.measure}, because the input in {advised.file} cannot distinguish all explanations"
         if advised.undecided
         else "",

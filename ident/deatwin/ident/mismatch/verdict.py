@@ -46,10 +46,10 @@ class Verdict(Enum):
 
 _ADVICE: Mapping[Verdict, str] = {
     Verdict.NONE: (
-        "use the calibrated model within the range and frequencies of these inputs; the report lists how large "
-        "each effect could still be without being detected"
+        "use the calibrated model for inputs within the recorded range and frequencies; the report lists how large "
+        "each effect could be and still remain undetected"
     ),
-    Verdict.PARAMETERS: "use the calibrated model within the range and frequencies of these inputs",
+    Verdict.PARAMETERS: "use the calibrated model for inputs within the recorded range and frequencies",
     Verdict.NAMED: "use the amended model, model.json, with `deatwin simulate` or `deatwin check`",
     Verdict.AMBIGUOUS: "record a longer or richer input, and diagnose all recordings together",
     Verdict.PARTLY: "use the amended model, model.json, with care, because it still lacks something",

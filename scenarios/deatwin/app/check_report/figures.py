@@ -279,8 +279,8 @@ def draw_margins(view: View, *, along_time: bool) -> Drawing:
         samples = max((row.samples for found in rows.values() for row in found), default=1)
         caption = "Lines with dots show the margins of each model at its estimated parameters."
         if samples > 1:
-            caption += " The verdict uses the thin lines without dots: 97.5 % of the models drawn from the posterior have larger margins."
-        caption += " A point on the upper edge of a panel is an infinite margin, or one too large for the axis. A point on the lower edge means that the closed loop is unstable."
+            caption += " The verdict uses the thin line without dots of each model: 97.5 % of the draws of this model have a larger margin."
+        caption += " A point on the upper edge of a panel stands for a margin that is infinite or too large for the axis. A point on the lower edge means that the closed loop is unstable."
         return Drawing.of(figure, name, title, caption, _columns(rows, place, column, measures))
 
 
@@ -363,7 +363,7 @@ def draw_nyquist(view: View, controller: Controller) -> Drawing:
         if loops.band is not None:
             caption += " The ellipses are the simultaneous 95 % band of the loop gain of the identified model."
         caption += (
-            " The disk margin fails if the loop gain enters the smaller disk. It passes if, with 95 % confidence, the loop "
+            " The disk margin fails if the loop gain enters the smaller disk. The margin passes if, with 95 % confidence, the loop "
             "gain stays outside the larger disk at all operating points."
         )
         columns: Columns = {"frequency_Hz": loops.frequency_Hz}

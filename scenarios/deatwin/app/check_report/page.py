@@ -229,6 +229,7 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
         figures={drawing.name: drawing for drawing in drawn},
         here=_margins_here(view),
         linearised=any(row.source == BAND for row in check.table),
+        drawn_plants=any(row.source.startswith("plant") and row.samples > 1 for row in check.table),
         caveats=check.caveats,
         gains=written_gains(check),
         controller=check.controller,

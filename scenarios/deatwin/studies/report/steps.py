@@ -49,8 +49,8 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
         (WIDTH, 8.4),
         "Tests of the residual",
         "Residual of the calibrated model: its spectrum, its cumulative periodogram, and its correlations with time and with "
-        "functions of the command. The lag of each function grows from left to right. If there were only noise, a curve "
-        "would leave its grey range anywhere in only 1 % of all recordings.",
+        "functions of the command. In each correlation, the lag grows from left to right. If nothing were missing, the "
+        "curves of a panel would stay inside the grey range in 99 % of all recordings.",
         lambda figure: findings.detection.plot(list(figure.subplots(3, 1))),
     )
     if (location := findings.location) is not None:
@@ -58,7 +58,7 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
         found["region"] = (
             (WIDTH, 3.6),
             "The operating region",
-            "Mean residual (measured minus simulated) over each signal. Bars show two standard errors of the mean.",
+            "Mean residual (measured minus simulated) over each signal. The bars extend two standard errors to both sides of the mean.",
             lambda figure: location.region.plot(figure.add_subplot(), units),
         )
         if location.place.opened:
@@ -73,8 +73,9 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
             found["lines"] = (
                 (WIDTH, 3.4),
                 "Frequencies of the periodic input",
-                "Rms residual at the harmonics of the periodic input. The first bars show the part that repeats in every "
-                "period, and the last bar shows the part that does not. A small p-value means that noise alone would rarely cause so large a part.",
+                "Rms residual at the harmonics of the periodic input. The last bar shows the part of the residual that "
+                "differs between periods; the other bars show the part that repeats in every period. A small p-value means "
+                "that chance alone would rarely make a bar this high.",
                 lambda figure: lines.plot(figure.add_subplot(), unit=location.unit),
             )
     if (discovery := findings.discovery) is not None:
@@ -101,8 +102,8 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
             (WIDTH, 1.3 + ROW * rows),
             "Errors on held-out data",
             f"Errors before and after the explanation is added, on all held-out data{parts}. In the other rows, "
-            "one effect of the explanation is removed, or replaced by a placebo, a copy of it with wrong physics, which "
-            "should fit less well.",
+            "one effect of the explanation is removed or replaced by a placebo. A placebo is a copy of the effect with wrong "
+            "physics, and should fit less well.",
             lambda figure: held.plot(figure.add_subplot()),
         )
     return found

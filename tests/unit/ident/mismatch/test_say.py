@@ -338,7 +338,10 @@ def test_the_place_to_suspect_and_the_share_of_the_best_effect_or_signal_agree()
     detected = replace(DETECTED, p_value=None)
     found = replace(DIAGNOSES["unknown"], detection=detected, location=replace(LOCATED, place=places))
     assert "first look for the cause at the drive, because" in say(found)
-    assert how_sure(found) == "no single effect or signal accounts for more than 66 % of the mismatch (at the drive)"
+    assert (
+        how_sure(found)
+        == "of all single effects and signals, one at the drive accounts for the largest share of the mismatch, 66 %"
+    )
 
 
 def test_no_exponent_and_one_fact_in_each_sentence():
@@ -483,9 +486,9 @@ def test_a_refuted_explanation_and_a_free_form_are_no_causes():
 
 def test_an_unknown_mismatch_is_said_to_lie_where_and_what_to_suspect():
     assert (
-        "(sensor noise: 2.0 µm rms). The mismatch is spread over the recordings. Most of the power of the mismatch is below "
-        "1.4 Hz. The mean residual is largest in magnitude, -6.7 µm, 0.520 to 58.3 s after the start of the recording or the "
-        "end of the most recent rest of the command. If the readings are sound, first look for the cause at the film, because the signals there predict the mismatch best."
+        "(sensor noise: 2.0 µm rms). The mismatch is spread over the recordings. Most of the power of the mismatch lies at frequencies below "
+        "1.4 Hz. The mean residual is largest in magnitude, -6.7 µm, 0.520 to 58.3 s after the latest rest of the "
+        "command or the start of the recording, whichever is later. If the readings are sound, first look for the cause at the film, because the signals there predict the mismatch best."
     ) in DIAGNOSES["unknown, located"].sentence
     assert (
         " Of the mismatch between model and recordings, 90 % lies between 118 and 240 s."
@@ -495,7 +498,7 @@ def test_an_unknown_mismatch_is_said_to_lie_where_and_what_to_suspect():
     other = replace(LOCATED, time=(), frequency=LOCATED.frequency[1:], region=(falling,), place=LOCATED.place[2:])
     said = made_up(Verdict.UNKNOWN, location=other).sentence
     assert said.endswith(
-        " Most of the power of the mismatch is from 5.2 to 9.7 Hz. The mean residual is largest in magnitude, 9.1 µm, "
+        " Most of the power of the mismatch lies at frequencies from 5.2 to 9.7 Hz. The mean residual is largest in magnitude, 9.1 µm, "
         "while the reading falls."
     )
 
