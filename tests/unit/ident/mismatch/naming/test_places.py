@@ -80,7 +80,8 @@ def test_a_timing_error_beside_an_effect_is_no_second_cause():
     found = diagnose(Plant(rig=rig), recorded(rig, *hidden, level=40.0), effects=[SensorJump(), Delay()])
     (jump,) = found.causes
     assert (found.verdict, jump.effect, found.rivals) == (Verdict.NAMED, "sensor_jump", ())
-    assert jump.parameters["change"].low < 2e-4 < jump.parameters["change"].high
+    change = jump.parameters["change"]
+    assert abs(change.value - 2e-4) < change.high - change.low  # four deviations: by chance, once in 16,000
     # It stays in the model, whose predictions would otherwise be late.
     fitted = found.model.plant.parameters["delay.time"].value
     assert fitted == pytest.approx(late, rel=0.05)
