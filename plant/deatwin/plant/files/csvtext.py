@@ -109,6 +109,14 @@ def find_layout(lines: list[str], rows: Sequence[int], path: str) -> Layout:
     raise _no_layout(lines, rows, marks[0], path)
 
 
+def with_name_of_rows(lines: list[str]) -> list[str]:
+    """Return lines of a table of R with an empty name before the others: R gives the quoted numbers of its rows none."""
+    found = re.match(r'"1"([ \t,;])', lines[1]) if len(lines) > 1 else None
+    if not found or len(split_cells(lines[0], found[1])) + 1 != len(split_cells(lines[1], found[1])):
+        return lines
+    return [f'""{found[1]}{lines[0]}', *lines[1:]]
+
+
 def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str], Sequence[int]]:
     """Return lines and rows of a table of pandas without the line that names only its index, below several names.
 

@@ -127,7 +127,7 @@ def _split(header: str) -> tuple[str, str]:
         return (header, "") if either else (match[1], unit)
     for form in _FORMS:
         match = form.fullmatch(header)
-        if not match or _is_doubtful(form, match[2]):
+        if not match or _is_doubtful(form, match[1], match[2]):
             continue
         unit = find_unit(match[2])
         if unit and not (form is _DIVIDED and _is_rate(match[1], unit)):
@@ -152,9 +152,15 @@ def _split(header: str) -> tuple[str, str]:
     return (match[1] if match and _unknown_unit(header) == match[2].strip("()[] ") else header), ""
 
 
-def _is_doubtful(form: re.Pattern[str], unit: str) -> bool:
-    """Return whether the end of a header may belong to the name, although it is a unit."""
-    return form is not _IN_BRACKETS and _DOUBTFUL.fullmatch(unit) is not None
+def _is_doubtful(form: re.Pattern[str], name: str, unit: str) -> bool:
+    """Return whether the end of a header may belong to the name, although it is a unit: ``x_min`` is a minimum."""
+    other = form is _LAST_PART and unit in ("min", "h") and not _is_time(name)
+    return other or (form is not _IN_BRACKETS and _DOUBTFUL.fullmatch(unit) is not None)
+
+
+def _is_time(name: str) -> bool:
+    """Return whether a name in front of a unit is that of a time."""
+    return name.lower() in TIME_NAMES or _LIKE_TIME.search(name) is not None
 
 
 def for_name(name: str, unit: str) -> str:
@@ -206,7 +212,7 @@ def _unknown_unit(header: str) -> str:
     for form in () if _OF_NODE.fullmatch(header) else _FORMS:
         if match := form.fullmatch(header.translate(FULL_WIDTH)):
             said = match[2].strip("()[] ")
-            if _is_doubtful(form, said):
+            if _is_doubtful(form, match[1], said):
                 continue
             if form is _IN_BRACKETS and re.search(r"[^\W\d_]|[%°]|\d\s*:\s*\d", said):
                 return said
@@ -233,5 +239,5 @@ def _is_rate(before: str, unit: str) -> bool:
     """Return whether the text before a slash belongs to a unit; ``t/s`` and ``Zeit/s`` are times, any other ``/s`` is a
     rate.
     """
-    rate = UNITS[unit].si == "s" and before.lower() not in TIME_NAMES and not _LIKE_TIME.search(before)
+    rate = UNITS[unit].si == "s" and not _is_time(before)
     return rate or bool(find_unit(before)) or before in _NO_QUANTITIES

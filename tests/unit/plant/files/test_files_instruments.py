@@ -96,6 +96,35 @@ READ = {
         "Laser (mm)",
         {},
     ),
+    "units among words above remarks": (
+        '"TOA5","CR1000","1234","fast"\n"TIMESTAMP","RECORD","Cmd","Laser"\n"TS","RN","V","mm"\n"","","Smp","Avg"\n'
+        + table((f"2024-05-01 10:11:{12 + t:05.2f}" for t in T), range(60), U, Y),
+        "Cmd",
+        "Laser",
+        {},
+    ),
+    "a remark with the name of a clock": (
+        "Time\tCmd\tLaser\ns\tV\tmm\nclock\tAO0\tlaser 1\n" + plain(mark="\t"),
+        "Cmd",
+        "Laser",
+        {},
+    ),
+    "blanks behind the signs": (
+        "Time (s),Cmd (V),Laser (mm)\n" + plain().replace(",", ",-   "),
+        "Cmd (V)",
+        "Laser (mm)",
+        {},
+    ),
+    "durations of MATLAB": ("Time,u_V,y_mm\n" + plain(f"{t:g} sec" for t in T), "u_V", "y_mm", {}),
+    "durations in minutes": ("Time;u_V;y_mm\n" + plain((f"{t / 60:.15f} min" for t in T), ";"), "u_V", "y_mm", {}),
+    "numbers of rows in R": (
+        '"time_s" "u_V" "y_mm"\n' + table((f'"{k}"' for k in range(1, 61)), np.round(T, 2), U, Y, mark=" "),
+        "u_V",
+        "y_mm",
+        {},
+    ),
+    "a remark at the end": ("time_s,u_V,y_mm\n" + plain() + "End of data\n", "u_V", "y_mm", {}),
+    "a sign with two codes": ("time_s,U\u2126 (V),y_mm\n" + plain(), "U\u03a9 (V)", "y_mm", {}),
     "the month first": (
         "Timestamp;u_V;y_mm\n" + plain((f"May 1, 2024 10:11:{12 + t:05.2f}" for t in T), mark=";"),
         "u_V",
@@ -116,7 +145,7 @@ def test_values_units_and_times_are_those_of_the_instrument(tmp_path: Path, kind
     text, command, reading, options = READ[kind]
     (tmp_path / "r.csv").write_text(text, encoding="utf-8")
     found = read_recording(tmp_path / "r.csv", input_column=command, output_column=reading, **options)
-    sign = -1.0 if kind == "dashes before numbers" else 1.0
+    sign = -1.0 if kind in ("dashes before numbers", "blanks behind the signs") else 1.0
     np.testing.assert_allclose(found.inputs[0], sign * U, rtol=1e-12)
     np.testing.assert_allclose(found.outputs[0], sign * 1e-3 * Y, rtol=1e-12)
     assert (found.input_units, found.output_units) == (("V",), ("m",))
@@ -168,6 +197,10 @@ REFUSED = {
     "a prefix in the cells": (
         f"time_s,u_V,y_m\n{table(T, U, [f'{y}m' for y in Y])}",
         'm" is not a number; .* in the header',
+    ),
+    "times of which one is in another unit": (
+        f"Time,u_V,y_mm\n{plain('59 sec' if k < 59 else '1 min' for k in range(60))}",
+        'row 61, column "Time": "1 min" is not a number',
     ),
     "a date of another form": (
         f"Timestamp,u_V,y_mm\n{plain(f'2024.122.10:11:{12 + t:05.2f}' for t in T)}",
