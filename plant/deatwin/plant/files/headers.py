@@ -30,11 +30,12 @@ _TIME_WORD = re.compile(r"millis|micros|nanos|[mun]s|[mun]?secs?|(?:milli|micro|
 _UNIT_ALONE = re.compile(r"(?:in\s+)?(\(.*\)|\[.*\]|(?<=\s)\S+)")
 """Header without a name, of which brackets or the word *in* say that it is a unit: ``[s]``, ``in s``."""
 _OTHER_BRACKETS = re.compile(r"(.*\S)\s*(?:\{([^{}]+)\}|<([^<>]+)>)")
-_APART = re.compile(
-    r"((?:.*\s)?[^\W\d](?:\S*[^\s\d])?(?:(?<=[^\W\d_])(?<![/:.\d][xX])\d+)?)\s+((?:[munpkMGc]|[µμ])(?:m|V|A|N|Pa|Hz|F|W|J|[Oo]hm|Ω|bar|g)|Hz|rpm|psi|[°º][CF]|℃|%)"
-)
-"""Header with a unit behind a blank; only units that are no words and no endings of names, as ``V`` in *Phase V*.
-The number in *disp_10 Hz* and *f=10 Hz* may belong to the unit."""
+_CHANNEL = r"[^\W\d](?:\S*[^\s\d])?(?:(?<=[^\W\d_])(?<![/:.\d][xX])\d+)?"
+"""Word that may end in the number of a channel, as ``U2``; *_10* and *=10* may belong to the unit, and *:x10* is a factor."""
+_NO_WORD = r"[munpkMGcµμ](?:m|V|A|N|Pa|Hz|F|W|J|[Oo]hm|Ω|bar|g)|Hz|rpm|psi|[°º][CF]|℃|%"
+"""Units that are no words and no endings of names, as ``V`` is in *Phase V*."""
+_APART = re.compile(rf"((?:.*\s)?{_CHANNEL})\s+({_NO_WORD})")
+"""Header with a unit behind a blank."""
 _DOUBTFUL = re.compile("F|l|(?i:in|ft|foot|feet|yd|dm|kp|dyn|kip|ksi|turns?)")
 """Units recognised in brackets only, because names have these endings, too: of forces and lengths, ``u_in``, ``kp``."""
 _OF_NODE = re.compile(r"(?:[vV]\((?![mnuk]?V\))|[iI]\((?![mnpuk]?A\)))\w+\)")
@@ -42,11 +43,20 @@ _OF_NODE = re.compile(r"(?:[vV]\((?![mnuk]?V\))|[iI]\((?![mnpuk]?A\)))\w+\)")
 _TEN_TO = r"1[eE][-+]?\d+|10\s?(?:\^|\*\*)\s?\(?[-+]?\d+\)?|10[⁺⁻]?[⁰¹²³⁴-⁹]+"
 _POWER = rf"(?:{_TEN_TO}|10+(?![\d.]))"
 _FACTOR = re.compile(
-    rf"(?<=[\s_()\[\]])[xX]\s?(?:{_POWER}|\d{{3,}})|(?<=.)[×*·⋅]\s?(?:{_TEN_TO})|(?<!\d)(?<!\d\s)[×*·⋅]\s?\d[\d.]*"
-    r"|(?<=[A-Z])x10{2,}(?!\d)"  # unlike in max100 and index100
-    rf"|(?<![\w.]){_POWER}\s?[×*·⋅](?!\s?\d)|(?<![\w.])10+[xX×](?!\w)"
-    r"|(?<![\d.:/])1\s?[:/]\s?10+(?!\d|[:/]\d|\s?(?:Hz|s)\b)|(?<![\d:])10+\s?:\s?1(?!\d|:\d)"  # no dates, no times of day
-    rf"|(?:(?<=[^\d\s])|(?<=[^\W\d_]\d))\s?/\s?{_POWER}|÷\s?\d[\d.]*"
+    "|".join(
+        (
+            rf"(?<=[\s_()\[\]])[xX]\s?(?:{_POWER}|\d{{3,}})",  # HV x1000, HV (x10)
+            r"(?<=[A-Z])x10{2,}(?!\d)",  # HVx100, unlike max100 and index100
+            rf"(?<=.)[×*·⋅]\s?(?:{_TEN_TO})",  # U2 · 10^3
+            r"(?<!\d)(?<!\d\s)[×*·⋅]\s?\d[\d.]*",  # U*2.5
+            rf"(?<![\w.]){_POWER}\s?[×*·⋅](?!\s?\d)",  # 1000*U
+            r"(?<![\w.])10+[xX×](?!\w)",  # 100x
+            r"(?<![\d.:/])1\s?[:/]\s?10+(?!\d|[:/]\d|\s?(?:Hz|s)\b)",  # 1:1000 and 1/100, unlike dates and 1/10 s
+            r"(?<![\d:])10+\s?:\s?1(?!\d|:\d)",  # 1000:1, unlike times of day
+            rf"(?:(?<=[^\d\s])|(?<=[^\W\d_]\d))\s?/\s?{_POWER}",  # U/100, U2/100
+            r"÷\s?\d[\d.]*",
+        )
+    )
 )
 """Factor in the name of a column, of which nobody knows whether it was applied: ``HV x1000``, ``U/100``, ``1:1000``."""
 _BEHIND = re.compile(r"[)\]][^()\[\]]*$")
