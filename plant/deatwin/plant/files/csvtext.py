@@ -38,6 +38,7 @@ _SETTINGS = re.compile(
 """Beginnings of words before the settings of channels."""
 _SCALES = re.compile("(?i)scal|offset|gain|factor|zero|sensitiv|slope|calib|skal|faktor|null|empfind")
 _NAMES_LABEL = re.compile(r"(?i)(trace|channel|signal)[ _]?(name|title)s?\b")  # Word before the names
+_LABEL = re.compile(r"([A-Za-z][A-Za-z ]*):\s*")  # Before a setting of a channel
 _TIMES = ("s", "ms", "us", "ns", "min", "h")
 _GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|(?<![\d:])[\d:]*\d:\d\d,\d{3}(?!\d)")
 _THOUSANDS = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+(?![\d:])(?:\.\d+)?")
@@ -254,9 +255,19 @@ def _named(lines: list[str], delimiter: str, first: int) -> Layout:
     if found := _of_block(lines, delimiter, first):
         return found
     # Names above a line of units may be numbers, such as those of an oscilloscope's channels.
-    above = lines[max(first - _HEADERS, 0) : first]
+    above = lines[max(first - 2 * _HEADERS, 0) : first]
     names = [_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above]
-    return Layout(delimiter=delimiter, first=first, head=tuple(names))
+    names = [cells for row in names if (cells := _without_labels(row))]
+    return Layout(delimiter=delimiter, first=first, head=tuple(names[-_HEADERS:]))
+
+
+def _without_labels(cells: list[str]) -> list[str]:
+    """Return the cells of a header line; of one that Simulink labels in each cell, ``Unit: V``, the units or nothing."""
+    found = [_LABEL.match(cell) for cell in cells if cell]
+    labels = {label[1].lower() for label in found if label}
+    if len(found) < 2 or None in found or len(labels) > 1:
+        return cells
+    return [_LABEL.sub("", cell) for cell in cells] if labels.pop().startswith("unit") else []
 
 
 def _of_block(lines: list[str], delimiter: str, first: int) -> Layout | None:

@@ -165,12 +165,7 @@ DRIVE: Keys = {
             field=field, lower=lower, upper=upper, per_si=1e-6, required=False, slips=_MOHM, about=about
         )
         for field, lower, upper, about in (
-            (
-                "series_resistance",
-                1e-6,
-                1e4,
-                "between drive and film",
-            ),  # with more, a film of 1 nF takes 10 s to charge
+            ("series_resistance", 1e-6, 1e4, "between drive and film"),  # 1 nF behind it would charge in 10 s
             ("bleed_resistance", 1e-3, 1e6, "across the film"),
         )
     },
