@@ -369,7 +369,7 @@ def read_table(path: str | Path) -> CsvTable:
     text = _SIGN_APART.sub(r"\1", text) if "+ " in text or "- " in text else text
     lines = text.split("\n")
     table = table_of(lines, range(1, len(lines) + 1), name, hashlib.sha256(content).hexdigest())
-    return replace(table, ended=not lines[-1].strip())
+    return replace(table, ended=len(lines) not in table.rows[-1:])
 
 
 def _unzipped(content: bytes, path: str) -> bytes:

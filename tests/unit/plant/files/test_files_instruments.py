@@ -123,7 +123,7 @@ READ = {
         "y_mm",
         {},
     ),
-    "a remark at the end": ("time_s,u_V,y_mm\n" + plain() + "End of data\n", "u_V", "y_mm", {}),
+    "a remark at the end": ("time_s,u_V,y_mm\n" + plain() + "End of data", "u_V", "y_mm", {}),
     "a sign with two codes": ("time_s,U\u2126 (V),y_mm\n" + plain(), "U\u03a9 (V)", "y_mm", {}),
     "labels of Simulink": (
         "time,cmd,pos\n,Type: double,Type: double\n,Units: V,Units: mm\n,Interp: zoh,Interp: zoh\n" + plain(),
