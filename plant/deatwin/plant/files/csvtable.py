@@ -293,6 +293,8 @@ class CsvTable(Table):
                     and (sample == last or column not in missing)
                 ):
                     ends = "; the file ends within it: remove the row" if sample == last else ""
+                    if all(not cell for cell in self.texts(column)):
+                        ends = ", like all rows: remove the additional cells of the header"
                     return DataError(f"{place}: the row has {len(row)} of {len(self.headers)} cells{ends}")
                 cell = row[column] if column < len(row) else ""
                 if column in missing and _is_absent(cell):

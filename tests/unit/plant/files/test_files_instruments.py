@@ -199,6 +199,10 @@ REFUSED = {
         "Time,u_V,y_mm\n" + plain(f"10:11:{12 + k // 25}:{k % 25:02d}" for k in range(60)),
         "a time of day as in 12:00:00.25",
     ),
+    "a tab too many in the header": (
+        f"time_s\tu_V\t\ty_mm\n{plain(mark=chr(9))}",
+        "the row has 3 of 4 cells, like all rows: remove the additional cells of the header",
+    ),
     "numbers of samples": (f"Sample,u_V,y_mm\n{ROWS}", "state the sample time|give the sample time in seconds: --dt"),
     "a prefix in the cells": (
         f"time_s,u_V,y_m\n{table(T, U, [f'{y}m' for y in Y])}",
@@ -219,7 +223,7 @@ REFUSED = {
 def test_what_would_be_read_wrongly_is_refused(tmp_path: Path, kind: str) -> None:
     text, said = REFUSED[kind]
     (tmp_path / "r.csv").write_text(text, encoding="utf-8")
-    columns = {"input_column": "#2", "output_column": "#4" if "slower" in kind else "#3"}
+    columns = {"input_column": "#2", "output_column": "#4" if "slower" in kind or "tab" in kind else "#3"}
     options = {"dt": DT} if "values" in kind or kind == "an offset in a block" else {}
     with pytest.raises(DataError, match=said) as error:
         read_recording(tmp_path / "r.csv", **columns, **options)
