@@ -4,7 +4,7 @@ import re
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvcells import is_value
-from deatwin.plant.files.headers import for_name, split_unit
+from deatwin.plant.files.headers import for_name, split_unit, split_units
 from deatwin.plant.files.units import find_unit
 from deatwin.plant.files.usual import COLUMNS, LIKE_TIMES
 from deatwin.plant.safe_read import clipped
@@ -30,7 +30,7 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
         head = [*head[:-2], head[-1], head[-2]]
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _give_units(head[-1], head[-2])
     headers = _header(head[:-1] if only_units else head)
-    names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
+    names, units = (list(part) for part in zip(*split_units(headers), strict=True))
     said = ["" for _ in headers]
     if only_units:
         for k, cell in enumerate("" if _UNITS_LABEL.fullmatch(cell) else cell for cell in head[-1]):

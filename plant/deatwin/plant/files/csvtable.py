@@ -39,7 +39,7 @@ from deatwin.plant.files.csvtext import (
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
-from deatwin.plant.files.headers import for_name, split_unit
+from deatwin.plant.files.headers import for_name, split_unit, split_units
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
@@ -407,7 +407,7 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
     layout = find_layout(lines, rows, name)
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)
-        names = [split_unit(header)[0] for header in headers]
+        names = [name for name, _ in split_units(headers)]
     else:
         first = [split_cells(line, layout.delimiter)[0] for line in lines[:_FEW]]
         if len(lines) < _FEW and all(cell in COLUMN_NAMES or split_unit(cell)[1] for cell in first):

@@ -1,6 +1,7 @@
 """Split the header of a column into name and unit."""
 
 import re
+from collections.abc import Sequence
 
 from deatwin.plant.files.units import FULL_WIDTH, UNITS, find_unit
 
@@ -38,6 +39,7 @@ _APART = re.compile(rf"((?:.*\s)?{_CHANNEL})\s+({_NO_WORD})")
 """Header with a unit behind a blank."""
 _DOUBTFUL = re.compile("F|l|(?i:in|ft|foot|feet|yd|dm|kp|dyn|kip|ksi|turns?)")
 """Units recognised in brackets only, because names have these endings, too: of forces and lengths, ``u_in``, ``kp``."""
+_MINIMUM = re.compile(r"(?<![^\W_])min(?![^\W_])")
 _OF_NODE = re.compile(r"(?:[vV]\((?![mnuk]?V\))|[iI]\((?![mnpuk]?A\)))\w+\)")
 """Voltage of a node or current of a part, as circuit simulators name them: ``V(in)`` is in no inches."""
 _TEN_TO = r"1[eE][-+]?\d+|10\s?(?:\^|\*\*)\s?\(?[-+]?\d+\)?|10[⁺⁻]?[⁰¹²³⁴-⁹]+"
@@ -102,6 +104,16 @@ def split_unit(header: str) -> tuple[str, str]:
         return header, ""
     name, unit = _split(header)
     return name, "" if _factor(name, header) else unit
+
+
+def split_units(headers: Sequence[str]) -> list[tuple[str, str]]:
+    """Return names and units of the headers of a table; beside a maximum, ``min`` is no minute.
+
+    >>> split_units(["x_mm_min", "x_mm_max"]), split_units(["v_mm_min"])
+    ([('x_mm_min', ''), ('x_mm_max', '')], [('v', 'mm/min')])
+    """
+    above = {header: _MINIMUM.sub("max", header) for header in headers}
+    return [(header, "") if header != above[header] in above else split_unit(header) for header in headers]
 
 
 def _factor(name: str, header: str) -> str:
@@ -222,7 +234,7 @@ def _unknown_unit(header: str) -> str:
     for form in () if _OF_NODE.fullmatch(header) else _FORMS:
         if match := form.fullmatch(header.translate(FULL_WIDTH)):
             said = match[2].strip("()[] ")
-            if _is_doubtful(form, match[1], said):
+            if _is_doubtful(form, match[1], said) or find_unit(said):
                 continue
             if form is _IN_BRACKETS and re.search(r"[^\W\d_]|[%°]|\d\s*:\s*\d", said):
                 return said

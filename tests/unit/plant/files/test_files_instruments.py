@@ -281,6 +281,16 @@ def test_a_unit_of_time_in_words_is_asked_for_if_unknown(tmp_path: Path, header:
     assert found.sample_time == pytest.approx(2.5e-3)
 
 
+@pytest.mark.parametrize("form", ["y_mm_{}", "y ({})", "y_{}"])
+def test_a_minimum_beside_a_maximum_is_not_in_minutes(tmp_path: Path, form: str) -> None:
+    """As pandas names the columns of an aggregate, and as a logger averages."""
+    head = ",".join(["time (min)", "u_V", *map(form.format, ("mean", "min", "max"))])
+    (tmp_path / "r.csv").write_text(f"{head}\n{table(T, U, Y, Y - 1, Y + 1)}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column=form.format("min"))
+    np.testing.assert_array_equal(found.outputs[0], Y - 1)
+    assert (found.output_units, found.sample_time) == (("",), pytest.approx(60 * DT))
+
+
 def test_a_meter_that_changes_its_range_gives_no_unit(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text(
         "time_s,u_V,Laser,Unit\n" + table(T, U, Y, ["mm"] * 30 + ["um"] * 30), encoding="utf-8"
