@@ -28,7 +28,7 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
     head = _without_remarks(head)
     if len(head) > 1 and _stand_above(head[-2], head[-1]):
         head = [*head[:-2], head[-1], head[-2]]
-    only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _give_units(head[-1], head[-2])
+    only_units = len(head) > 1 and _give_units(head[-1], head[-2])
     headers = _header(head[:-1] if only_units else head)
     names, units = (list(part) for part in zip(*split_units(headers), strict=True))
     said = ["" for _ in headers]
@@ -84,7 +84,7 @@ def are_units(cells: list[str]) -> bool:
 
 def _give_units(cells: list[str], names: list[str]) -> bool:
     """Return whether a line below names contains their units, perhaps among words such as ``No.`` or ``status``."""
-    return are_units(cells) or _are_mostly_units(cells, names)
+    return len(cells) <= len(names) and (are_units(cells) or _are_mostly_units(cells, names))
 
 
 def _are_mostly_units(cells: list[str], names: list[str]) -> bool:

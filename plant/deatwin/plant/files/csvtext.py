@@ -256,13 +256,16 @@ def _named(lines: list[str], delimiter: str, first: int) -> Layout:
         return found
     # Names above a line of units may be numbers, such as those of an oscilloscope's channels.
     above = lines[max(first - 2 * _HEADERS, 0) : first]
-    names = [_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above]
-    names = [cells for row in names if (cells := _without_labels(row))]
-    return Layout(delimiter=delimiter, first=first, head=tuple(names[-_HEADERS:]))
+    head: list[list[str]] = []
+    for cells in (_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above):
+        named = any(len(one) >= len(cells) for one in head)
+        if kept := _without_labels(cells) if named else cells:
+            head.append(kept)
+    return Layout(delimiter=delimiter, first=first, head=tuple(head[-_HEADERS:]))
 
 
 def _without_labels(cells: list[str]) -> list[str]:
-    """Return the cells of a header line; of one that Simulink labels in each cell, ``Unit: V``, the units or nothing."""
+    """Return the cells of a line below names; of one that Simulink labels in each cell, ``Unit: V``, the units or none."""
     found = [_LABEL.match(cell) for cell in cells if cell]
     labels = {label[1].lower() for label in found if label}
     if len(found) < 2 or None in found or len(labels) > 1:

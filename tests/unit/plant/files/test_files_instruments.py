@@ -125,6 +125,12 @@ READ = {
     ),
     "a remark at the end": ("time_s,u_V,y_mm\n" + plain() + "End of data", "u_V", "y_mm", {}),
     "a sign with two codes": ("time_s,U\u2126 (V),y_mm\n" + plain(), "U\u03a9 (V)", "y_mm", {}),
+    "a label before each name": (
+        "Latest: t (s),Latest: u (V),Latest: y (mm)\n" + plain(),
+        "Latest: u (V)",
+        "Latest: y (mm)",
+        {"time_column": "#1"},
+    ),
     "labels of Simulink": (
         "time,cmd,pos\n,Type: double,Type: double\n,Units: V,Units: mm\n,Interp: zoh,Interp: zoh\n" + plain(),
         "cmd",
@@ -259,9 +265,13 @@ def test_the_last_column_needs_no_unit_below_its_name(tmp_path: Path) -> None:
     assert (found.sample_time, found.output_units) == (pytest.approx(0.02), ("m",))
 
 
-def test_names_of_one_letter_are_no_units_below_a_title(tmp_path: Path) -> None:
-    (tmp_path / "r.csv").write_text(f"Operator,Smith,Date,Day\nt,s,F,V\n{table(T, Y, Y, U)}", encoding="utf-8")
-    assert read_recording(tmp_path / "r.csv", input_column="V", output_column="s").output_units == ("",)
+@pytest.mark.parametrize(
+    ("head", "output"),
+    [("Operator,Smith,Date,Day\nt,s,F,V", "s"), ("Interval:,0.02\nVertical Units:,V,V,V\nTime,x,y,V", "y")],
+)
+def test_units_without_names_above_them_are_no_units(tmp_path: Path, head: str, output: str) -> None:
+    (tmp_path / "r.csv").write_text(f"{head}\n{table(T, Y, Y, U)}", encoding="utf-8")
+    assert read_recording(tmp_path / "r.csv", input_column="V", output_column=output).output_units == ("",)
 
 
 @pytest.mark.parametrize("step", [20.0, 2.5, 16.667])
