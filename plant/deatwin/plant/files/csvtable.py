@@ -52,7 +52,7 @@ _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
 )  # Mark between thousands that no decimal sign can be
 _DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a minus sign
-_SIGN_APART = re.compile(r'(?<=[,;|\t"])([-+]) +(?=[\d.])')
+_SIGN_APART = re.compile(r'(?<=[,;|\t"])([-+]) +(?=[\d.])')  # Sign of a number that a logger aligns at the right
 _UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points between thousands

@@ -270,7 +270,7 @@ def _without_labels(cells: list[str]) -> list[str]:
     labels = {label[1].lower() for label in found if label}
     if len(found) < 2 or None in found or len(labels) > 1:
         return cells
-    return [_LABEL.sub("", cell) for cell in cells] if labels.pop().startswith("unit") else []
+    return [_LABEL.sub("", cell, count=1) for cell in cells] if labels.pop().startswith("unit") else []
 
 
 def _of_block(lines: list[str], delimiter: str, first: int) -> Layout | None:
