@@ -274,7 +274,7 @@ def _columns(table: Table, wanted: Mapping[str, str], place: str) -> dict[str, A
 
 def _require_agreement(table: Table, column: int, unit: str, place: str) -> None:
     """Raise an error if the stated unit contradicts that of the file."""
-    own = table.units[column] or ("1" if _is_plain(table, column) else "")
+    own = "1" if _is_plain(table, column) else table.units[column]
     if own not in ("", "C", find_unit(unit) or unit):  # C may be degrees or coulombs
         raise DataError(
             f'{table.path}: the column "{table.shown(column)}" is in {own}, but {place} gives it the unit '

@@ -4,7 +4,7 @@ import re
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvcells import is_value
-from deatwin.plant.files.headers import for_name, split_unit
+from deatwin.plant.files.headers import for_name, split_unit, split_units
 from deatwin.plant.files.units import find_unit
 from deatwin.plant.files.usual import COLUMNS, LIKE_TIMES
 from deatwin.plant.safe_read import clipped
@@ -28,13 +28,9 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
     head = _without_remarks(head)
     if len(head) > 1 and _stand_above(head[-2], head[-1]):
         head = [*head[:-2], head[-1], head[-2]]
-    only_units = (
-        len(head) > 1
-        and len(head[-2]) >= len(head[-1])
-        and (are_units(head[-1]) or _are_mostly_units(head[-1], head[-2]))
-    )
+    only_units = len(head) > 1 and _give_units(head[-1], head[-2])
     headers = _header(head[:-1] if only_units else head)
-    names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
+    names, units = (list(part) for part in zip(*split_units(headers), strict=True))
     said = ["" for _ in headers]
     if only_units:
         for k, cell in enumerate("" if _UNITS_LABEL.fullmatch(cell) else cell for cell in head[-1]):
@@ -53,13 +49,14 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
 def _without_remarks(head: list[list[str]]) -> list[list[str]]:
     """Return the header lines without those that follow names and units, such as a line with the channels' devices."""
     last = head[-1]
-    if any(split_unit(cell)[1] or LIKE_TIMES.search(cell) for cell in last):
+    if any(split_unit(cell)[1] for cell in last):
         return head
     for k in range(len(head) - 2, 0, -1):
         names = head[k - 1]
         numbered = all(cell[-1:].isdigit() for cell in names)  # channels, whose names come below
         distinct = len(names) == len(set(names)) == len(head[k]) >= len(last)
-        if are_units(head[k]) and all(head[k]) and distinct and not numbered:
+        timed = any(map(LIKE_TIMES.search, names)) or not any(map(LIKE_TIMES.search, last))
+        if _give_units(head[k], names) and distinct and timed and not numbered:
             return head[: k + 1]
     return head
 
@@ -80,13 +77,18 @@ def are_units(cells: list[str]) -> bool:
     return bool(known) and all(
         cell in known
         or cell in ("-", "%", "1")
-        or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*|(10\^?|1[eE])[-+]?\d+ ?\D+", cell)
+        or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*|[-+\d.,/^eE]*\d ?\D+", cell)
         for cell in filled
     )
 
 
+def _give_units(cells: list[str], names: list[str]) -> bool:
+    """Return whether a line below names contains their units, perhaps among words such as ``No.`` or ``status``."""
+    return len(cells) <= len(names) and (are_units(cells) or _are_mostly_units(cells, names))
+
+
 def _are_mostly_units(cells: list[str], names: list[str]) -> bool:
-    """Return whether a line below names contains units, and further words such as ``No.`` or ``status``.
+    """Return whether a line below names contains units, and further words.
 
     Letters such as s, F and V may be names, too, but those differ from each other.
     """

@@ -23,6 +23,7 @@ from deatwin.plant.files.csvcells import (
     is_comment,
     is_error,
     is_number,
+    kind_of_cell,
     split_cells,
 )
 from deatwin.plant.files.csvheader import are_units, names_and_units
@@ -33,11 +34,12 @@ from deatwin.plant.files.csvtext import (
     grouped,
     require_no_settings,
     require_whole_numbers,
+    with_name_of_rows,
     without_index_line,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
-from deatwin.plant.files.headers import for_name, split_unit
+from deatwin.plant.files.headers import for_name, split_unit, split_units
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
@@ -50,6 +52,7 @@ _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
 )  # Mark between thousands that no decimal sign can be
 _DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a minus sign
+_SIGN_APART = re.compile(r'(?<=[,;|\t"])([-+]) +(?=[\d.])')  # Sign of a number that a logger aligns at the right
 _UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points between thousands
@@ -290,14 +293,18 @@ class CsvTable(Table):
                     and (sample == last or column not in missing)
                 ):
                     ends = "; the file ends within it: remove the row" if sample == last else ""
+                    if all(not cell for cell in self.texts(column)):
+                        ends = ", like all rows: remove the additional cells of the header"
                     return DataError(f"{place}: the row has {len(row)} of {len(self.headers)} cells{ends}")
                 cell = row[column] if column < len(row) else ""
                 if column in missing and _is_absent(cell):
                     continue
                 if not cell:
                     return DataError(f"{place}: the cell is empty; it must be a number")
-                if column in self.scales and (fault := self.scales[column].fault(cell)):
-                    return DataError(f"{place}: {fault}")
+                if scale := self.scales.get(column):
+                    if fault := scale.fault(cell):
+                        return DataError(f"{place}: {fault}")
+                    cell = cell.removesuffix(scale.behind).strip()
                 if self._dated(column):
                     continue
                 if cell.startswith("="):
@@ -361,9 +368,10 @@ def read_table(path: str | Path) -> CsvTable:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
     text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
     text = _DASH.sub("-", text) if "\u2013" in text else text
+    text = _SIGN_APART.sub(r"\1", text) if "+ " in text or "- " in text else text
     lines = text.split("\n")
     table = table_of(lines, range(1, len(lines) + 1), name, hashlib.sha256(content).hexdigest())
-    return replace(table, ended=not lines[-1].strip())
+    return replace(table, ended=len(lines) not in table.rows[-1:])
 
 
 def _unzipped(content: bytes, path: str) -> bytes:
@@ -395,11 +403,11 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         rows, lines = rows[1:], lines[1:]
     if not lines:
         raise DataError(f"{name}: the file is empty; it must hold a header, with the names of its columns, and samples")
-    lines, rows = without_index_line(lines, rows)
+    lines, rows = without_index_line(with_name_of_rows(lines), rows)
     layout = find_layout(lines, rows, name)
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)
-        names = [split_unit(header)[0] for header in headers]
+        names = [name for name, _ in split_units(headers)]
     else:
         first = [split_cells(line, layout.delimiter)[0] for line in lines[:_FEW]]
         if len(lines) < _FEW and all(cell in COLUMN_NAMES or split_unit(cell)[1] for cell in first):
@@ -426,6 +434,9 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
     if layout.head and header in lines and any(map(_is_time, names, units)):
         kept = [k for k, line in enumerate(lines) if line not in above]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
+    # A remark at the end is no sample.
+    while len(lines) > 1 < len(headers) and layout.delimiter not in lines[-1] and kind_of_cell(lines[-1]) == "text":
+        lines, rows = lines[:-1], rows[:-1]
     require_no_settings(lines, rows, layout.delimiter, name)
     for k in range(1, len(headers)):
         if _UNIT_COLUMN.fullmatch(headers[k]) and not (units[k - 1] or said[k - 1]):

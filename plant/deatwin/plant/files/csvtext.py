@@ -38,6 +38,7 @@ _SETTINGS = re.compile(
 """Beginnings of words before the settings of channels."""
 _SCALES = re.compile("(?i)scal|offset|gain|factor|zero|sensitiv|slope|calib|skal|faktor|null|empfind")
 _NAMES_LABEL = re.compile(r"(?i)(trace|channel|signal)[ _]?(name|title)s?\b")  # Word before the names
+_LABEL = re.compile(r"([A-Za-z][A-Za-z ]*):\s*")  # Before a setting of a channel
 _TIMES = ("s", "ms", "us", "ns", "min", "h")
 _GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|(?<![\d:])[\d:]*\d:\d\d,\d{3}(?!\d)")
 _THOUSANDS = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+(?![\d:])(?:\.\d+)?")
@@ -107,6 +108,14 @@ def find_layout(lines: list[str], rows: Sequence[int], path: str) -> Layout:
     if layout := _nameless(lines):
         return layout
     raise _no_layout(lines, rows, marks[0], path)
+
+
+def with_name_of_rows(lines: list[str]) -> list[str]:
+    """Return lines of a table of R with an empty name before the others: R gives the quoted numbers of its rows none."""
+    found = re.match(r'"1"([ \t,;])', lines[1]) if len(lines) > 1 else None
+    if not found or len(split_cells(lines[0], found[1])) + 1 != len(split_cells(lines[1], found[1])):
+        return lines
+    return [f'""{found[1]}{lines[0]}', *lines[1:]]
 
 
 def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str], Sequence[int]]:
@@ -246,9 +255,22 @@ def _named(lines: list[str], delimiter: str, first: int) -> Layout:
     if found := _of_block(lines, delimiter, first):
         return found
     # Names above a line of units may be numbers, such as those of an oscilloscope's channels.
-    above = lines[max(first - _HEADERS, 0) : first]
-    names = [_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above]
-    return Layout(delimiter=delimiter, first=first, head=tuple(names))
+    above = lines[max(first - 2 * _HEADERS, 0) : first]
+    head: list[list[str]] = []
+    for cells in (_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above):
+        named = any(len(one) >= len(cells) for one in head)
+        if kept := _without_labels(cells) if named else cells:
+            head.append(kept)
+    return Layout(delimiter=delimiter, first=first, head=tuple(head[-_HEADERS:]))
+
+
+def _without_labels(cells: list[str]) -> list[str]:
+    """Return the cells of a line below names; of one that Simulink labels in each cell, ``Unit: V``, the units or none."""
+    found = [_LABEL.match(cell) for cell in cells if cell]
+    labels = {label[1].lower() for label in found if label}
+    if len(found) < 2 or None in found or len(labels) > 1:
+        return cells
+    return [_LABEL.sub("", cell, count=1) for cell in cells] if labels.pop().startswith("unit") else []
 
 
 def _of_block(lines: list[str], delimiter: str, first: int) -> Layout | None:

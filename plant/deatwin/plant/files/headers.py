@@ -1,6 +1,7 @@
 """Split the header of a column into name and unit."""
 
 import re
+from collections.abc import Sequence
 
 from deatwin.plant.files.units import FULL_WIDTH, UNITS, find_unit
 
@@ -30,23 +31,34 @@ _TIME_WORD = re.compile(r"millis|micros|nanos|[mun]s|[mun]?secs?|(?:milli|micro|
 _UNIT_ALONE = re.compile(r"(?:in\s+)?(\(.*\)|\[.*\]|(?<=\s)\S+)")
 """Header without a name, of which brackets or the word *in* say that it is a unit: ``[s]``, ``in s``."""
 _OTHER_BRACKETS = re.compile(r"(.*\S)\s*(?:\{([^{}]+)\}|<([^<>]+)>)")
-_APART = re.compile(
-    r"((?:.*\s)?[^\W\d](?:\S*[^\s\d])?(?:(?<=[^\W\d_])(?<![/:.\d][xX])\d+)?)\s+((?:[munpkMGc]|[µμ])(?:m|V|A|N|Pa|Hz|F|W|J|[Oo]hm|Ω|bar|g)|Hz|rpm|psi|[°º][CF]|℃|%)"
-)
-"""Header with a unit behind a blank; only units that are no words and no endings of names, as ``V`` in *Phase V*.
-The number in *disp_10 Hz* and *f=10 Hz* may belong to the unit."""
+_CHANNEL = r"[^\W\d](?:\S*[^\s\d])?(?:(?<=[^\W\d_])(?<![/:.\d][xX])\d+)?"
+"""Word that may end in the number of a channel, as ``U2``; *_10* and *=10* may belong to the unit, and *:x10* is a factor."""
+_NO_WORD = r"[munpkMGcµμ](?:m|V|A|N|Pa|Hz|F|W|J|[Oo]hm|Ω|bar|g)|Hz|rpm|psi|[°º][CF]|℃|%"
+"""Units that are no words and no endings of names, as ``V`` is in *Phase V*."""
+_APART = re.compile(rf"((?:.*\s)?{_CHANNEL})\s+({_NO_WORD})")
+"""Header with a unit behind a blank."""
 _DOUBTFUL = re.compile("F|l|(?i:in|ft|foot|feet|yd|dm|kp|dyn|kip|ksi|turns?)")
 """Units recognised in brackets only, because names have these endings, too: of forces and lengths, ``u_in``, ``kp``."""
+_MINIMUM = re.compile(r"(?<![^\W_])min(?![^\W_])")
 _OF_NODE = re.compile(r"(?:[vV]\((?![mnuk]?V\))|[iI]\((?![mnpuk]?A\)))\w+\)")
 """Voltage of a node or current of a part, as circuit simulators name them: ``V(in)`` is in no inches."""
 _TEN_TO = r"1[eE][-+]?\d+|10\s?(?:\^|\*\*)\s?\(?[-+]?\d+\)?|10[⁺⁻]?[⁰¹²³⁴-⁹]+"
 _POWER = rf"(?:{_TEN_TO}|10+(?![\d.]))"
 _FACTOR = re.compile(
-    rf"(?<=[\s_()\[\]])[xX]\s?(?:{_POWER}|\d{{3,}})|(?<=.)[×*·⋅]\s?(?:{_TEN_TO})|(?<!\d)(?<!\d\s)[×*·⋅]\s?\d[\d.]*"
-    r"|(?<=[A-Z])x10{2,}(?!\d)"  # unlike in max100 and index100
-    rf"|(?<![\w.]){_POWER}\s?[×*·⋅](?!\s?\d)|(?<![\w.])10+[xX×](?!\w)"
-    r"|(?<![\d.:/])1\s?[:/]\s?10+(?!\d|[:/]\d|\s?(?:Hz|s)\b)|(?<![\d:])10+\s?:\s?1(?!\d|:\d)"  # no dates, no times of day
-    rf"|(?:(?<=[^\d\s])|(?<=[^\W\d_]\d))\s?/\s?{_POWER}|÷\s?\d[\d.]*"
+    "|".join(
+        (
+            rf"(?<=[\s_()\[\]])[xX]\s?(?:{_POWER}|\d{{3,}})",  # HV x1000, HV (x10)
+            r"(?<=[A-Z])x10{2,}(?!\d)",  # HVx100, unlike max100 and index100
+            rf"(?<=.)[×*·⋅]\s?(?:{_TEN_TO})",  # U2 · 10^3
+            r"(?<!\d)(?<!\d\s)[×*·⋅]\s?\d[\d.]*",  # U*2.5
+            rf"(?<![\w.]){_POWER}\s?[×*·⋅](?!\s?\d)",  # 1000*U
+            r"(?<![\w.])10+[xX×](?!\w)",  # 100x
+            r"(?<![\d.:/])1\s?[:/]\s?10+(?!\d|[:/]\d|\s?(?:Hz|s)\b)",  # 1:1000 and 1/100, unlike dates and 1/10 s
+            r"(?<![\d:])10+\s?:\s?1(?!\d|:\d)",  # 1000:1, unlike times of day
+            rf"(?:(?<=[^\d\s])|(?<=[^\W\d_]\d))\s?/\s?{_POWER}",  # U/100, U2/100
+            r"÷\s?\d[\d.]*",
+        )
+    )
 )
 """Factor in the name of a column, of which nobody knows whether it was applied: ``HV x1000``, ``U/100``, ``1:1000``."""
 _BEHIND = re.compile(r"[)\]][^()\[\]]*$")
@@ -94,6 +106,16 @@ def split_unit(header: str) -> tuple[str, str]:
     return name, "" if _factor(name, header) else unit
 
 
+def split_units(headers: Sequence[str]) -> list[tuple[str, str]]:
+    """Return names and units of the headers of a table; beside a maximum, ``min`` is no minute.
+
+    >>> split_units(["x_mm_min", "x_mm_max"]), split_units(["v_mm_min"])
+    ([('x_mm_min', ''), ('x_mm_max', '')], [('v', 'mm/min')])
+    """
+    above = {header: _MINIMUM.sub("max", header) for header in headers}
+    return [(header, "") if header != above[header] in above else split_unit(header) for header in headers]
+
+
 def _factor(name: str, header: str) -> str:
     """Return the factor in the name of a column, or the scale of its monitor, such as ``1 V = 1 kV``; else an empty text."""
     name = header if name.endswith("per") else name  # what seems to be the unit ends a scale, as in 1kV_per_V
@@ -127,7 +149,7 @@ def _split(header: str) -> tuple[str, str]:
         return (header, "") if either else (match[1], unit)
     for form in _FORMS:
         match = form.fullmatch(header)
-        if not match or _is_doubtful(form, match[2]):
+        if not match or _is_doubtful(form, match[1], match[2]):
             continue
         unit = find_unit(match[2])
         if unit and not (form is _DIVIDED and _is_rate(match[1], unit)):
@@ -152,9 +174,15 @@ def _split(header: str) -> tuple[str, str]:
     return (match[1] if match and _unknown_unit(header) == match[2].strip("()[] ") else header), ""
 
 
-def _is_doubtful(form: re.Pattern[str], unit: str) -> bool:
-    """Return whether the end of a header may belong to the name, although it is a unit."""
-    return form is not _IN_BRACKETS and _DOUBTFUL.fullmatch(unit) is not None
+def _is_doubtful(form: re.Pattern[str], name: str, unit: str) -> bool:
+    """Return whether the end of a header may belong to the name, although it is a unit: ``x_min`` is a minimum."""
+    other = form is _LAST_PART and unit in ("min", "h") and not _is_time(name)
+    return other or (form is not _IN_BRACKETS and _DOUBTFUL.fullmatch(unit) is not None)
+
+
+def _is_time(name: str) -> bool:
+    """Return whether a name in front of a unit is that of a time."""
+    return name.lower() in TIME_NAMES or _LIKE_TIME.search(name) is not None
 
 
 def for_name(name: str, unit: str) -> str:
@@ -206,7 +234,7 @@ def _unknown_unit(header: str) -> str:
     for form in () if _OF_NODE.fullmatch(header) else _FORMS:
         if match := form.fullmatch(header.translate(FULL_WIDTH)):
             said = match[2].strip("()[] ")
-            if _is_doubtful(form, said):
+            if _is_doubtful(form, match[1], said) or find_unit(said):
                 continue
             if form is _IN_BRACKETS and re.search(r"[^\W\d_]|[%°]|\d\s*:\s*\d", said):
                 return said
@@ -233,5 +261,5 @@ def _is_rate(before: str, unit: str) -> bool:
     """Return whether the text before a slash belongs to a unit; ``t/s`` and ``Zeit/s`` are times, any other ``/s`` is a
     rate.
     """
-    rate = UNITS[unit].si == "s" and before.lower() not in TIME_NAMES and not _LIKE_TIME.search(before)
+    rate = UNITS[unit].si == "s" and not _is_time(before)
     return rate or bool(find_unit(before)) or before in _NO_QUANTITIES

@@ -315,7 +315,7 @@ def no_times(table: Table, taken: set[int]) -> DataError:
             offers,
         )
     likely = likely_times(table, taken)
-    offers = times_options(table, likely[0]) if len(likely) == 1 else NO_OPTIONS
+    offers = times_options(table, likely[0]) if likely and _equal(table, likely) else NO_OPTIONS
     advice = (
         f'rename the column of times to "{USUAL_TIMES}", or write a unit of time, such as (s), after or below its name; '
         f"or name this column with {offers or '--time-column NAME'}; "

@@ -13,7 +13,7 @@ from decimal import Decimal
 import numpy as np
 
 from deatwin.plant.files.dates import CLOCK, ORDERS, date_orders, day_seconds, is_clock, is_date, moment
-from deatwin.plant.files.units import UNITS
+from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.safe_read import clipped
 
 BEGAN = "clock_began"  # Key of the provenance for the date at which the clock is zero
@@ -22,6 +22,7 @@ TIME_UNITS = tuple(name for name, unit in UNITS.items() if unit.si == "s")
 _SIZED = ("s", "ms", "us", "ns")
 _FIRST, _LAST = 10**9, 3 * 10**9  # Range of values taken as Unix times, s: September 2001 to January 2065
 _LIKE_CLOCK = re.compile(r"\d{5,6}([.,]\d*)?|\d{9}")  # from one o'clock on
+_BEHIND = re.compile(r"[-+\d.,eE]*\d\s*([A-Za-z]+)")  # Number with a unit behind it
 _GAP = 1.6  # Step above which there is a gap, in usual steps
 _UNIX = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -34,6 +35,7 @@ class TimeScale:
     began: datetime | None = None  # First value, at which the clock is zero; None if its date is unknown
     first: Decimal = Decimal(0)
     order: str = "dmy"
+    behind: str = ""  # The unit as it stands behind each value
 
     @property
     def texts(self) -> bool:
@@ -51,7 +53,7 @@ class TimeScale:
     def provenance(self) -> dict[str, str]:
         """Entry for the provenance; a date with an unknown order of day and month is omitted."""
         known = {BEGAN: self.began.isoformat()} if self.began and self.order else {}
-        return {"times": self.said, **known}
+        return {} if self.behind else {"times": self.said, **known}
 
     def seconds(self, cells: Sequence[str]) -> list[float]:
         """Return times as seconds since the first."""
@@ -64,7 +66,7 @@ class TimeScale:
             raise ValueError("Python's own mark between thousands")
         unit, first = UNITS[self.unit], self.first
         factor = Decimal(int(unit.numerator)) / Decimal(int(unit.denominator))
-        return [float((Decimal(cell.strip()) - first) * factor) for cell in cells]
+        return [float((Decimal(cell.strip().removesuffix(self.behind)) - first) * factor) for cell in cells]
 
     def fault(self, cell: str) -> str:
         """Describe the fault of a cell; empty if there is none."""
@@ -104,6 +106,9 @@ def time_scale(texts: Iterable[str], unit: str) -> TimeScale | None:
         return TimeScale(unit="", began=began, order=order)
     if is_clock(first) or unit == CLOCK:
         return TimeScale(unit="")
+    behind = _BEHIND.fullmatch(first)
+    if behind and (own := find_unit(behind[1])) in TIME_UNITS and unit in ("", own):
+        return TimeScale(unit=own, behind=behind[1])
     if not unit and _LIKE_CLOCK.fullmatch(first) and (found := _of_day([first, *cells])):
         return found
     return None if unit in ORDERS else _unix(first, unit)

@@ -360,7 +360,11 @@ _OTHER_SPELLINGS = {
     **{
         f"{first}{second}": f"{first} {second}" for first in ("A", "mA", "uA", "W", "mW", "kW") for second in ("h", "s")
     },
-    **{f"{prefix}N{length}": f"{prefix}N {length}" for prefix in ("", *"munkM") for length in ("m", "cm", "mm", "um")},
+    **{
+        f"{prefix}N{length}": f"{prefix}N {length}"
+        for prefix in ("", *"munkM")
+        for length in ("m", "cm", "mm", "um", "s")
+    },
 }
 _SIGNS = str.maketrans(
     {
@@ -403,7 +407,7 @@ def find_unit(text: str) -> str:
     bare = _DIRECT.sub("", bare)
     if bare in _SYMBOLS:
         return bare
-    if in_brackets and bare.startswith("in ") and (unit := find_unit(bare[3:])) not in ("", "lbf", "ozf"):
+    if bare.startswith("in ") and (unit := find_unit(bare[3:])) not in ("", "lbf", "ozf"):
         return unit  # in lbf may be a torque
     match = _TEN_TO.fullmatch(" ".join(bare.split()))
     if match and (in_brackets or match["base"][0:2] == "10"):  # without brackets, 1e-3 m is a reading
@@ -451,6 +455,9 @@ def _known(symbols: Counter[str]) -> str:
         factors = [(symbol, sign * power) for symbol, power in symbols.items() if sign * power > 0]
         return " ".join(symbol if power == 1 else f"{symbol}{power}" for symbol, power in factors)
 
+    lengths = [one for one, power in symbols.items() if one in UNITS and UNITS[one].si == "m" and not power]
+    if len(lengths) == len(symbols) == 1:
+        return f"{lengths[0]}/{lengths[0]}"  # of a strain
     above, below = product(1), product(-1)
     whole = above if not below else f"{above or '1'}/{below}"
     whole = _OTHER_SPELLINGS.get(whole, whole)

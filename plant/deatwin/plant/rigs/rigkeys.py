@@ -162,11 +162,11 @@ DRIVE: Keys = {
     ),
     **{
         f"{field}_Mohm": NumberKey(
-            field=field, lower=lower, upper=1e6, per_si=1e-6, required=False, slips=_MOHM, about=about
+            field=field, lower=lower, upper=upper, per_si=1e-6, required=False, slips=_MOHM, about=about
         )
-        for field, lower, about in (
-            ("series_resistance", 1e-6, "between drive and film"),
-            ("bleed_resistance", 1e-3, "across the film"),
+        for field, lower, upper, about in (
+            ("series_resistance", 1e-6, 1e4, "between drive and film"),  # 1 nF behind it would charge in 10 s
+            ("bleed_resistance", 1e-3, 1e6, "across the film"),
         )
     },
     "parallel_capacitance_pF": NumberKey(

@@ -156,6 +156,7 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
                 ),
             },
             load={"mass_g": _MOVED},
+            below=((("film", "waist_width_mm"), ("film", "bar_width_mm")),),
             absent={"mass": 0.0, "side_prestretch": None},
             examples={"length_mm": 40.0, "waist_width_mm": 20.0, "bar_width_mm": 60.0, "prestretch": 1.5}
             | {"side_prestretch": 1.2, "sides": "clamped"},

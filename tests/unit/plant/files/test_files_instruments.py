@@ -96,6 +96,47 @@ READ = {
         "Laser (mm)",
         {},
     ),
+    "units among words above remarks": (
+        '"TOA5","CR1000","1234","fast"\n"TIMESTAMP","RECORD","Cmd","Laser"\n"TS","RN","V","mm"\n"","","Smp","Avg"\n'
+        + table((f"2024-05-01 10:11:{12 + t:05.2f}" for t in T), range(60), U, Y),
+        "Cmd",
+        "Laser",
+        {},
+    ),
+    "a remark with the name of a clock": (
+        "Time\tCmd\tLaser\ns\tV\tmm\nclock\tAO0\tlaser 1\n" + plain(mark="\t"),
+        "Cmd",
+        "Laser",
+        {},
+    ),
+    "blanks behind the signs": (
+        "Time (s),Cmd (V),Laser (mm)\n" + plain().replace(",", ",-   "),
+        "Cmd (V)",
+        "Laser (mm)",
+        {},
+    ),
+    "durations of MATLAB": ("Time,u_V,y_mm\n" + plain(f"{t:g} sec" for t in T), "u_V", "y_mm", {}),
+    "durations in minutes": ("Time;u_V;y_mm\n" + plain((f"{t / 60:.15f} min" for t in T), ";"), "u_V", "y_mm", {}),
+    "numbers of rows in R": (
+        '"time_s" "u_V" "y_mm"\n' + table((f'"{k}"' for k in range(1, 61)), np.round(T, 2), U, Y, mark=" "),
+        "u_V",
+        "y_mm",
+        {},
+    ),
+    "a remark at the end": ("time_s,u_V,y_mm\n" + plain() + "End of data", "u_V", "y_mm", {}),
+    "a sign with two codes": ("time_s,U\u2126 (V),y_mm\n" + plain(), "U\u03a9 (V)", "y_mm", {}),
+    "a label before each name": (
+        "Latest: t (s),Latest: u (V),Latest: y (mm)\n" + plain(),
+        "Latest: u (V)",
+        "Latest: y (mm)",
+        {"time_column": "#1"},
+    ),
+    "labels of Simulink": (
+        "time,cmd,pos\n,Type: double,Type: double\n,Units: V,Units: mm\n,Interp: zoh,Interp: zoh\n" + plain(),
+        "cmd",
+        "pos",
+        {},
+    ),
     "the month first": (
         "Timestamp;u_V;y_mm\n" + plain((f"May 1, 2024 10:11:{12 + t:05.2f}" for t in T), mark=";"),
         "u_V",
@@ -116,7 +157,7 @@ def test_values_units_and_times_are_those_of_the_instrument(tmp_path: Path, kind
     text, command, reading, options = READ[kind]
     (tmp_path / "r.csv").write_text(text, encoding="utf-8")
     found = read_recording(tmp_path / "r.csv", input_column=command, output_column=reading, **options)
-    sign = -1.0 if kind == "dashes before numbers" else 1.0
+    sign = -1.0 if kind in ("dashes before numbers", "blanks behind the signs") else 1.0
     np.testing.assert_allclose(found.inputs[0], sign * U, rtol=1e-12)
     np.testing.assert_allclose(found.outputs[0], sign * 1e-3 * Y, rtol=1e-12)
     assert (found.input_units, found.output_units) == (("V",), ("m",))
@@ -164,10 +205,18 @@ REFUSED = {
         "Time,u_V,y_mm\n" + plain(f"10:11:{12 + k // 25}:{k % 25:02d}" for k in range(60)),
         "a time of day as in 12:00:00.25",
     ),
+    "a tab too many in the header": (
+        f"time_s\tu_V\t\ty_mm\n{plain(mark=chr(9))}",
+        "the row has 3 of 4 cells, like all rows: remove the additional cells of the header",
+    ),
     "numbers of samples": (f"Sample,u_V,y_mm\n{ROWS}", "state the sample time|give the sample time in seconds: --dt"),
     "a prefix in the cells": (
         f"time_s,u_V,y_m\n{table(T, U, [f'{y}m' for y in Y])}",
         'm" is not a number; .* in the header',
+    ),
+    "times of which one is in another unit": (
+        f"Time,u_V,y_mm\n{plain('59 sec' if k < 59 else '1 min' for k in range(60))}",
+        'row 61, column "Time": "1 min" is not a number',
     ),
     "a date of another form": (
         f"Timestamp,u_V,y_mm\n{plain(f'2024.122.10:11:{12 + t:05.2f}' for t in T)}",
@@ -180,7 +229,7 @@ REFUSED = {
 def test_what_would_be_read_wrongly_is_refused(tmp_path: Path, kind: str) -> None:
     text, said = REFUSED[kind]
     (tmp_path / "r.csv").write_text(text, encoding="utf-8")
-    columns = {"input_column": "#2", "output_column": "#4" if "slower" in kind else "#3"}
+    columns = {"input_column": "#2", "output_column": "#4" if "slower" in kind or "tab" in kind else "#3"}
     options = {"dt": DT} if "values" in kind or kind == "an offset in a block" else {}
     with pytest.raises(DataError, match=said) as error:
         read_recording(tmp_path / "r.csv", **columns, **options)
@@ -216,9 +265,13 @@ def test_the_last_column_needs_no_unit_below_its_name(tmp_path: Path) -> None:
     assert (found.sample_time, found.output_units) == (pytest.approx(0.02), ("m",))
 
 
-def test_names_of_one_letter_are_no_units_below_a_title(tmp_path: Path) -> None:
-    (tmp_path / "r.csv").write_text(f"Operator,Smith,Date,Day\nt,s,F,V\n{table(T, Y, Y, U)}", encoding="utf-8")
-    assert read_recording(tmp_path / "r.csv", input_column="V", output_column="s").output_units == ("",)
+@pytest.mark.parametrize(
+    ("head", "output"),
+    [("Operator,Smith,Date,Day\nt,s,F,V", "s"), ("Interval:,0.02\nVertical Units:,V,V,V\nTime,x,y,V", "y")],
+)
+def test_units_without_names_above_them_are_no_units(tmp_path: Path, head: str, output: str) -> None:
+    (tmp_path / "r.csv").write_text(f"{head}\n{table(T, Y, Y, U)}", encoding="utf-8")
+    assert read_recording(tmp_path / "r.csv", input_column="V", output_column=output).output_units == ("",)
 
 
 @pytest.mark.parametrize("step", [20.0, 2.5, 16.667])
@@ -236,6 +289,16 @@ def test_a_unit_of_time_in_words_is_asked_for_if_unknown(tmp_path: Path, header:
         read_recording(tmp_path / "r.csv", **named)
     found = read_recording(tmp_path / "r.csv", **named | {"time_column": f"{header}=ms"})
     assert found.sample_time == pytest.approx(2.5e-3)
+
+
+@pytest.mark.parametrize("form", ["y_mm_{}", "y ({})", "y_{}"])
+def test_a_minimum_beside_a_maximum_is_not_in_minutes(tmp_path: Path, form: str) -> None:
+    """As pandas names the columns of an aggregate, and as a logger averages."""
+    head = ",".join(["time (min)", "u_V", *map(form.format, ("mean", "min", "max"))])
+    (tmp_path / "r.csv").write_text(f"{head}\n{table(T, U, Y, Y - 1, Y + 1)}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column=form.format("min"))
+    np.testing.assert_array_equal(found.outputs[0], Y - 1)
+    assert (found.output_units, found.sample_time) == (("",), pytest.approx(60 * DT))
 
 
 def test_a_meter_that_changes_its_range_gives_no_unit(tmp_path: Path) -> None:

@@ -391,8 +391,9 @@ def test_a_layout_that_would_mislead_is_named(tmp_path: Path, lines: list[str], 
 
 
 def test_a_line_of_units_may_hold_powers_of_ten(tmp_path: Path) -> None:
-    for power, unit, size in ((-3, "m", 1e-3), (-5, "10^-5 m", 1.0)):  # no prefix stands for the second power
-        (tmp_path / "r.csv").write_text("\n".join(["time,cmd,laser", f"s,V,10^{power} m", *ROWS, ""]), encoding="utf-8")
+    # No prefix stands for the second power, and no fraction is applied.
+    for said, unit, size in (("10^-3 m", "m", 1e-3), ("10^-5 m", "10^-5 m", 1.0), ("1/10 mm", "1/10 mm", 1.0)):
+        (tmp_path / "r.csv").write_text("\n".join(["time,cmd,laser", f"s,V,{said}", *ROWS, ""]), encoding="utf-8")
         found = read_recording(tmp_path / "r.csv", input_column="cmd", output_column="laser")
         assert (found.input_units, found.output_units) == (("V",), (unit,))
         np.testing.assert_allclose(found.outputs[0], size * np.round(Y, 4), rtol=1e-12)

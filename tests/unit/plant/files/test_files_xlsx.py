@@ -101,14 +101,19 @@ def test_a_hidden_sheet_is_named_where_the_visible_one_holds_no_samples(tmp_path
     assert read_recording(f"{path}#raw", **ASKED).n_samples == 9
 
 
-def test_times_of_day_go_on_past_midnight(tmp_path: Path) -> None:
+@pytest.mark.parametrize("form", ["", "hh:mm:ss", "mm:ss.0", "[h]:mm:ss"])
+def test_times_of_day_go_on_past_midnight(tmp_path: Path, form: str) -> None:
+    """As cells of times, and as numbers of days that a program wrote and that a workbook shows as times."""
     made = openpyxl.Workbook()
     made.active.append(["Time", "U (V)", "remark", "x (mm)"])
     for k in range(4):
-        made.active.append([(datetime(2024, 5, 1, 23, 59, 59) + timedelta(seconds=0.5 * k)).time(), k, None, k])
+        of_day = (datetime(2024, 5, 1, 23, 59, 59) + timedelta(seconds=0.5 * k)).time()
+        made.active.append([(86399 + 0.5 * k) / 86400 if form else of_day, k, None, k])
+        if form:
+            made.active.cell(row=k + 2, column=1).number_format = form
     made.save(tmp_path / "rec.xlsx")
     recording = read_recording(tmp_path / "rec.xlsx", **ASKED)
-    assert (recording.sample_time, recording.n_samples) == (0.5, 4)
+    assert (recording.sample_time, recording.n_samples) == (pytest.approx(0.5, rel=1e-6), 4)
 
 
 def test_what_unpacks_to_too_much(tmp_path: Path, monkeypatch) -> None:

@@ -132,6 +132,16 @@ def test_times_behind_their_signals_are_to_be_named(write: Write) -> None:
     assert record.sample_time == 0.04
 
 
+def test_equal_times_beside_each_channel_are_one_clock(write: Write) -> None:
+    """As LabVIEW exports a graph."""
+    rows = [f"{0.02 * k:.2f},{k % 7},{0.02 * k:.2f},{k % 5}" for k in range(40)]
+    path = write("a.csv", "\n".join([",".join(f"{q} - AI{k}" for k in (0, 1) for q in ("Time", "Amplitude")), *rows]))
+    found = understand(path)
+    assert found.options[-2:] == ("--time-column", "Time - AI0")
+    assert found.recordings[0].sample_time == pytest.approx(0.02)
+    np.testing.assert_array_equal(found.recordings[0].outputs[0], np.arange(40) % 5)
+
+
 def test_a_sample_time_in_one_cell_is_passed_over_beside_a_stated_one(write: Write) -> None:
     path = write("a.csv", "u,y,Ts\n0.1,0.2,4\n" + "\n".join(f"{np.sin(k):.4f},{np.cos(k):.4f}," for k in range(40)))
     (record,) = read_recordings(path, input_column="u", output_column="y", dt=4.0)

@@ -110,6 +110,12 @@ from deatwin.plant.files.units import UNITS, find_unit
         ("gain_kp", "gain_kp", ""),
         ("left_foot", "left_foot", ""),
         ("n_turns", "n_turns", ""),
+        ("Pos, in mm", "Pos", "mm"),
+        ("strain (mm/mm)", "strain", "mm/mm"),
+        ("c_Ns/m", "c", "N s/m"),
+        ("pos_min", "pos_min", ""),
+        ("pos_h", "pos_h", ""),
+        ("t_min", "t", "min"),
         ("Elapsed hours", "Elapsed", "h"),
         ("Timestamp/min", "Timestamp", "min"),
         ("Messzeit/s", "Messzeit", "s"),
@@ -127,8 +133,10 @@ def test_the_unit_is_read_off_the_usual_forms(header: str, name: str, unit: str)
 
 @pytest.mark.parametrize("form", ["{}_{}", "{} ({})", "{}[{}]", "{} in {}"])
 def test_any_name_keeps_its_unit(form: str) -> None:
-    # Forces and lengths end in F and l, gains in kp, demands in dm, wanted values in yd, and Greek letters in ksi.
+    # Forces and lengths end in F and l, gains in kp, demands in dm, wanted values in yd, and Greek letters in ksi;
+    # behind an underscore, minima end in min, and heights in h.
     ends_names = {*"F l dm ft yd kp dyn kip ksi".split()} if form in ("{}_{}", "{} in {}") else set()
+    ends_names |= {"min", "h"} if form == "{}_{}" else set()
     for name, unit in product(["U", "U_cmd", "Weg 2", "a_b_c", "电压_x"], set(UNITS) - {""} - ends_names):
         assert split_unit(form.format(name, unit)) == (name, unit)
 

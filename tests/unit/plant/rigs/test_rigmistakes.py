@@ -124,7 +124,7 @@ def test_a_misspelt_section_of_readings_is_told(name: str) -> None:
     ("key", "value", "hint"),
     [
         ("bleed_resistance_Mohm", 5e8, "if that is in ohm, write 500"),
-        ("series_resistance_Mohm", 2e7, "if that is in ohm, write 20"),
+        ("series_resistance_Mohm", 1e6, "if that is in ohm, write 1"),
         ("current_limit_uA", 2e-4, "if that is in A, write 200"),
     ],
 )

@@ -69,6 +69,7 @@ def test_its_own_material_is_read_in_place_of_the_key(tmp_path: Path, kind: str)
     [
         ("stack", "layers = 100.0", "layers = 100.5", "100.5 is not whole; it must be a whole number from 1 to 1e+06"),
         ("bow_tie", 'sides = "clamped"', 'sides = "free"', "free sides contract by themselves"),
+        ("bow_tie", "waist_width_mm = 20.0", "waist_width_mm = 80.0", "must be below bar_width_mm, 60"),
         ("roll", "spring_rate_N_m = 250.0", "spring_rate_N_m = 0", "it must be from 0.001 to 1e+06"),
         ("diaphragm", "prestretch = 3.5", "prestretch = 8.0", "below its limit, here 7.4"),
         ("disc", "prestretch = 1.2", "prestretch = 8.0", "below its limit, here 7.4"),

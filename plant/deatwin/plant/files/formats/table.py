@@ -4,6 +4,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from unicodedata import normalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,6 +133,10 @@ class Table(ABC):
             return int(wanted[1:]) - 1
         found = [k for k, header in enumerate(self.headers) if header == wanted]
         found = found or [k for k, name in enumerate(self.names) if name == wanted]
+        if not found:  # µ and other signs have two codes that look alike
+            like = normalize("NFKC", wanted)
+            pairs = zip(self.headers, self.names, strict=True)
+            found = [k for k, pair in enumerate(pairs) if like in (normalize("NFKC", text) for text in pair)]
         if not found:
             parts = [part.strip() for part in wanted.split(",")]
             if len(parts) > 1 and (listed := [p for p in parts if p in (*self.headers, *self.names)]):

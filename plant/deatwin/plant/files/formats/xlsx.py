@@ -13,6 +13,7 @@ from deatwin.plant.files.csvtable import CsvTable, read_bytes, table_of
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.safe_read import TEXT_BYTES, clipped, in_words
 
+_FIRST_YEAR = 1900  # Year in which workbooks begin to count days
 _LISTED = 10  # Largest number of sheets that an error lists
 
 
@@ -74,18 +75,22 @@ def _lines(values: Any, formulas: Any) -> list[tuple[int, str]]:
         zip(values.iter_rows(), formulas.iter_rows(values_only=True), strict=True), 1
     ):
         in_percent |= {k for k, cell in enumerate(cells) if isinstance(cell.value, str) and "%" in cell.value}
-        known = (_shown(cell) if k in in_percent else cell.value for k, cell in enumerate(cells))
+        known = (_shown(cell, in_percent=k in in_percent) for k, cell in enumerate(cells))
         texts = [_text(source if cell is None else cell) for cell, source in zip(known, written, strict=True)]
         if any(texts):
             lines.append((row, "\t".join(texts)))
     return lines
 
 
-def _shown(cell: Any) -> object:
-    """Return the value of a cell in a column of percentages: 50 for 0.5 that a workbook shows as 50 %."""
-    if isinstance(cell.value, int | float) and "%" in cell.number_format:
-        return float(f"{100 * cell.value:.15g}")
-    return cell.value
+def _shown(cell: Any, *, in_percent: bool) -> object:
+    """Return the value of a cell as a workbook shows it: 50 for 0.5 shown as 50 %, and a time after midnight without its
+    day.
+    """
+    value = cell.value
+    if in_percent and isinstance(value, int | float) and "%" in cell.number_format:
+        return float(f"{100 * value:.15g}")
+    of_day = isinstance(value, datetime) and value.year <= _FIRST_YEAR and "y" not in cell.number_format.lower()
+    return value.time() if of_day else value
 
 
 def _text(cell: object) -> str:
