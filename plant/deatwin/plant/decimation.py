@@ -61,10 +61,11 @@ def decimate(
     Raises
     ------
     DataError
-        If `factor` is not a positive integer, `reading` is not a `ReadingTime`, the recording is shorter than the
-        filter, or a channel to be filtered has missing values.
+        If `factor` is not a positive integer, `reading` is not a `ReadingTime`, `means` is text or names no output or
+        further channel, the recording is shorter than the filter, or a channel to be filtered has missing values.
     """
     require_reading_time(reading, DataError)
+    require_means(means, recording)
     _require_factor(factor, 1)
     if factor == 1:
         return recording
@@ -101,6 +102,15 @@ def decimate(
         start=recording.start + recording.sample_time * int(rows[0]),
         provenance={**recording.provenance, "decimated": f"by {factor}, from {recording.sample_time:g} s"},
     )
+
+
+def require_means(means: Collection[str], recording: Recording) -> None:
+    """Raise DataError unless the names are a collection of outputs and further channels of a recording."""
+    known = (*recording.output_names, *recording.extras)
+    if isinstance(means, str) or not isinstance(means, Collection) or not set(means) <= set(known):
+        raise DataError(
+            f"means = {means!r}; give a list of names of outputs and further channels, which are {', '.join(known)}"
+        )
 
 
 def _require_factor(factor: object, least: int) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Self, TypeVar
 
+from deatwin.plant.arguments import instance
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.files import write_text_atomic
 from deatwin.plant.safe_read import DOCUMENT_BYTES, DOCUMENT_VALUES, clipped, read_regular
@@ -22,10 +23,12 @@ from deatwin.plant.schemacheck import shape_fault, shipped_schema
 _PERHAPS_HUGE = re.compile(rb"[0-9.][eE]\+?[0-9]{3}|[0-9]{309}")
 
 Content = TypeVar("Content")
+_require_path = instance(str, os.PathLike)
 
 
 def write_document(path: str | os.PathLike[str], document: Mapping[str, Any]) -> None:
     """Write a document to a temporary file, then rename it."""
+    _require_path(path, "path")
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
     write_text_atomic(Path(path), text + "\n")
 
@@ -103,6 +106,7 @@ _MALFORMED = (TypeError, ValueError, AttributeError, IndexError, ArithmeticError
 
 def read_json(path: str | os.PathLike[str]) -> Any:
     """Read any JSON file of a user."""
+    _require_path(path, "path")
     try:
         content = read_regular(path, DOCUMENT_BYTES, lambda fault: ModelError(f"{path}: {fault}"))
     except FileNotFoundError:

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.arrays import Array, real_numbers, seconds
-from deatwin.plant.decimation import decimate, low_pass_gain
+from deatwin.plant.decimation import decimate, low_pass_gain, require_means
 from deatwin.plant.errors import DataError
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Recording, label
@@ -255,7 +255,7 @@ def resample(
     DataError
         If there is not one time for each sample; if the times do not increase; if a step between two times exceeds both
         five times the median step and 1.1 new sample times; if the new sample time is shorter than a tenth of the
-        median step; or if the recording is too short.
+        median step; if `means` is text or names no output or further channel; or if the recording is too short.
 
     Examples
     --------
@@ -272,6 +272,7 @@ def resample(
         )
     name = label(recording)
     require_reading_time(reading, DataError)
+    require_means(means, recording)
     plan = plan_resampling(times, sample_time, lambda row: f"{name}, sample {row}", reading=reading, means=means)
     fine = replace(
         recording,

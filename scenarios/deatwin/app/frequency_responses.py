@@ -27,7 +27,7 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.words import listed
 
-POINTS, DECADES = 200, 3  # Number of frequencies of H_1, and decades below half the sampling rate that they span
+POINTS, DECADES = 200, 3  # Number of frequencies of H_1, and decades that they span unless a band is given
 SIDE, COARSE_SIDE = 41, 21  # Frequencies on each axis of a map, of orders up to three and beyond
 UNKNOWN_BAND = 0.25  # Share of half the sampling rate that is used if a model does not state what its data excited
 DRAWN = 0.95
@@ -230,10 +230,10 @@ def respond(
     if operating_input is not None and (count := np.size(operating_input)) != len(model.input_names):
         wanted = f"once for each of {', '.join(names)}, in this order" if names else "once"
         raise ModelError(f"--operating-input has {count} value(s): give it {wanted}")
-    highest = np.pi / model.sample_time
     excited = number_of(model.provenance, BAND_KEY)
     band = _band(model, band_Hz, excited)
-    omega = np.geomspace(highest / 10**DECADES, highest, POINTS)
+    low, high = (0.0, np.pi / model.sample_time) if band_Hz is None else 2 * np.pi * np.array(band)
+    omega = np.geomspace(low or high / 10**DECADES, high, POINTS)
     responses = (
         gfrf(model, n, omega if n == 1 else _map(n, band), inputs=inputs, operating_input=operating_input)
         for n in range(1, order + 1)

@@ -215,6 +215,7 @@ def test_json_tells_all(square: Path, capsys: pytest.CaptureFixture[str], monkey
     expected = 0.44 * one_by_a(np.array(found["frequency_Hz"]))
     np.testing.assert_allclose(np.array(found["real"]) + 1j * np.array(found["imaginary"]), expected, rtol=1e-12)
     first = table(square / "response/figures/frequency.csv")
+    assert first["frequency_Hz"][[0, -1]] == pytest.approx([0.5, 0.8])  # the band that was asked for
     wider = gfrf(model_of(SQUARE), 1, 2 * np.pi * first["frequency_Hz"], operating_input=0.2).band(0.95)
     gain, high = first["gain_m_per_V"], first["gain_high_m_per_V"]
     np.testing.assert_allclose((high - gain) / (wider.high - gain), 1.644854 / 1.959964, rtol=1e-6)

@@ -321,6 +321,7 @@ FRONT_DOOR = (
 )
 ERRORS = {"DataError", "RigError", "ModelError", "SimulationError", "ControlError", "BadParameter", "Mistake"}
 NOT_FROM_THE_COMMAND_LINE = {
+    "recordings.py: allow_gaps divides a file at its gaps": "a command reads all parts; test_files.py makes it",
     "assemble.py: dt is": "typer refuses --dt first",
     "checks.py: give a recording with the values in": "commands read files in the plant's units; test_survey.py makes it",
     "checks.py: put the row of that reading first": "readers put the rig's first reading first; test_several_readings.py makes it",

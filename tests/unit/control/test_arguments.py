@@ -277,6 +277,21 @@ def test_a_model_that_answers_in_the_same_sample_is_refused(name):
     called("lambda_tuning", {**SETTINGS, "linear": at_once.in_loop(ReadingTime.END_OF_HOLD)})
 
 
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"a": 0.5, "b": 1.0, "c": 1.0}, r"a of a control law has the shape \(\)"),
+        ({"b": "1"}, "b must be real numbers; got text"),
+        ({"d": "1"}, "d must be a number; got text"),
+    ],
+)
+def test_a_law_of_the_error_names_what_is_wrong(given, says):
+    with pytest.raises(ControlError, match=says):
+        control.Law.of_error(**{"a": [[0.5]], "b": [1.0], "c": [1.0], "d": 0.0, **given})
+    with pytest.raises(ControlError, match="factor must be a number; got text"):
+        TUNED.scaled("2")
+
+
 def test_loops_of_shapes_that_do_not_fit_are_refused():
     for act in (control.in_series, partial(control.margins, sample_time=0.1)):
         with pytest.raises(ControlError, match=r"shapes \(2, 2\) and \(3, 2\) do not fit"):

@@ -376,6 +376,16 @@ def test_numbers_that_are_none(use: Callable[[], object], says: str) -> None:
         use()
 
 
+@pytest.mark.parametrize("means", ["displacement", ["current"]])
+@pytest.mark.parametrize("act", [partial(resample, sample_time=2 * H), partial(decimate, factor=2)])
+def test_readings_that_are_means_are_listed_by_names_that_exist(act: Callable[..., object], means: object) -> None:
+    """A text is a collection of its letters, and a missing name would leave the reading half a sample late."""
+    with pytest.raises(
+        DataError, match=r"give a list of names of outputs and further channels, which are displacement$"
+    ):
+        act(still(), means=means)
+
+
 @pytest.mark.parametrize("take", [partial(actuation_curve, commands=[1.0]), plant_source])
 def test_a_rig_is_no_plant(take: Callable[[object], object]) -> None:
     with pytest.raises(ModelError, match="needs a Plant, not a Disc"):
@@ -404,6 +414,11 @@ WRONG_KINDS = [
     (lambda value: write_text_atomic("a.txt", value), "text must be a str"),
     (lambda value: resample(value, 0.1), "recording must be a Recording"),
     (lambda value: decimate(value, 2), "recording must be a Recording"),
+    (lambda value: resample(still(), H, means=value), "means = .*; give a list of names"),
+    (lambda value: decimate(still(), 2, means=value), "means = .*; give a list of names"),
+    (lambda value: Formula(value), "it is not a text"),
+    (lambda value: CalibratedPlant.load(value), "path must be a str or a PathLike"),
+    (lambda value: CalibratedPlant.nominal(PLANT).save(value), "path must be a str or a PathLike"),
     (lambda value: effect_named(value), "name must be a str"),
     (lambda value: Plant(rig=Planar(), values=value), "values must be a Mapping from names to numbers"),
     (lambda value: PLANT.with_values(value), "values must be a Mapping from names to numbers"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deatwin.control.arguments import finite, positive, require_fields
+from deatwin.control.arguments import finite, number, positive, require_fields
 from deatwin.control.controllers.law import Law
 from deatwin.control.errors import ControlError
 from deatwin.plant.arrays import Array
@@ -148,5 +148,6 @@ class Controller(ABC):
 
 def require_factor(factor: float) -> None:
     """Raise ControlError unless a factor for a loop gain is finite and not zero."""
+    number(factor, "factor")
     if not isfinite(factor) or factor == 0.0:
         raise ControlError(f"a loop gain cannot be multiplied by {factor:g}: the factor must be finite and not 0")

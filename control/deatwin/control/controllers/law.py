@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.arguments import numbers, require_fields
+from deatwin.control.arguments import number, numbers, require_fields, taking
 from deatwin.control.errors import ControlError
 from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.arrays import Array
@@ -64,6 +64,7 @@ class Law:
                 raise ControlError(f"{name} of a control law must be finite")
 
     @classmethod
+    @taking(b=numbers, d=number)
     def of_error(cls, a: ArrayLike, b: ArrayLike, c: ArrayLike, d: float) -> Self:
         """Make a law that uses only the error, reference minus reading.
 
@@ -78,13 +79,8 @@ class Law:
         d : float
             Direct term from the error, in the command's unit per unit of the reading.
         """
-        column = np.asarray(b, dtype=np.float64)
-        return cls(
-            a=np.asarray(a, dtype=np.float64),
-            b=np.stack([column, -column], axis=1),
-            c=np.asarray(c, dtype=np.float64),
-            d=np.array([d, -d]),
-        )
+        both = np.array([1.0, -1.0])
+        return cls(a=np.asarray(a), b=np.multiply.outer(b, both), c=np.asarray(c), d=d * both)
 
     def scaled(self, factor: float) -> Law:
         """Return the law with its command multiplied by `factor`; the factor may have a unit."""

@@ -100,8 +100,10 @@ class _PredictionErrors:
         lead = _longest(table)
         rows, target = process.matrix()
         rows, target = _led(process, lead, rows), _led(process, lead, target[None])[0]
-        fitted = _led(process, lead, np.ones((1, process.n_samples)))[0] > 0.0
-        return cls(process, table, np.vstack([rows, np.eye(target.size)[~fitted]]), target)
+        starts = np.flatnonzero(_led(process, lead, np.ones((1, process.n_samples)))[0] == 0.0)
+        pulses = np.zeros((starts.size, target.size))
+        pulses[np.arange(starts.size), starts] = 1.0
+        return cls(process, table, np.vstack([rows, pulses]), target)
 
     def spread(self, errors: Array) -> tuple[Array, ...]:
         """Return e by recordings, shape (n_outputs, n) each."""

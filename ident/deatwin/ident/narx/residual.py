@@ -9,8 +9,10 @@ from typing import Self
 
 import numpy as np
 
+from deatwin.ident.arguments import real_number
 from deatwin.ident.narx.excited import number_of
 from deatwin.ident.narx.model import NarxModel, require_model
+from deatwin.plant.arguments import require_fields
 from deatwin.plant.arrays import Array, require_generator
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -49,6 +51,7 @@ class Residual:
     correlation_time: float
 
     def __post_init__(self) -> None:
+        require_fields(self, rms=real_number, correlation_time=real_number)
         if not (0.0 <= self.rms < np.inf and 0.0 < self.correlation_time < np.inf):
             raise ModelError(
                 f"a residual of {self.rms:g} rms that lasts for {self.correlation_time:g} s: the rms must not be "

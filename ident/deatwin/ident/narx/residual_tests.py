@@ -195,11 +195,11 @@ def whiteness_of(residuals: Sequence[Array], output: int, *, max_lag: int) -> Wh
 
 def _scored(squares: Series) -> list[Array]:
     """Return the chi-square quantiles (1 degree of freedom) of the values' ranks, less their mean."""
-    from scipy.special import chdtri
+    from scipy.special import ndtri
     from scipy.stats import rankdata
 
     ranks = rankdata(np.concatenate(squares))
-    scores = chdtri(1, 1.0 - ranks / (ranks.size + 1))
+    scores = ndtri(0.5 - 0.5 * ranks / (ranks.size + 1)) ** 2  # a chi-square variable is the square of a normal one
     return _centred(np.split(scores, np.cumsum([x.size for x in squares])[:-1]))
 
 

@@ -27,8 +27,8 @@ class BayesianEstimate(Estimate):
 class Ridge:
     """Estimator of given terms, for `Frols` and `Fixed`: minimises ``mean((y - Z theta)^2) + penalty |theta|^2``.
 
-    y is the output, and the columns of Z are the regressors divided by their root mean squares. A constant regressor
-    is not penalised; the other regressors are then centred.
+    y is the output, and the columns of Z are the regressors divided by their root mean squares. If there is a constant
+    regressor, it is not penalised, and y and the other regressors are centred before the division.
 
     For the covariance, the penalty is read as a Gaussian prior of theta. Let n be the number of samples, p the
     effective number of parameters, and ``s^2`` the residual sum of squares divided by n - p. ``theta_cov`` is then the

@@ -46,9 +46,9 @@ class SvbNarx(CandidateSearch):
     evidence under a unit-information prior and a prior that takes the number of candidates into account; see
     `deatwin.ident.narx.evidence`. The parameters always have their variational posterior.
 
-    The choice of terms does not depend on units and offsets, because the output and the regressors are divided by their
-    root mean squares, and signals far from zero are taken relative to an origin. Bounds and relevances refer to the
-    scaled signals. The model is in physical units.
+    The choice of terms does not depend on units, because the output and the regressors are divided by their root mean
+    squares. Signals far from zero are taken relative to an origin, about which the same polynomial may have other
+    terms. Bounds and relevances refer to the scaled signals. The model is in physical units.
 
     Parameters
     ----------

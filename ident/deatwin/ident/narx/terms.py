@@ -23,6 +23,7 @@ from deatwin.ident.narx.lags import channel_lags
 from deatwin.ident.narx.names import SignalNames
 from deatwin.ident.narx.variables import Variable as Variable
 from deatwin.ident.narx.variables import read_factor, value_of
+from deatwin.plant.arguments import kind_of
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.safe_read import clipped
@@ -66,6 +67,8 @@ class Term:
         ModelError
             If the text is not a term, or names a signal that does not exist.
         """
+        if not isinstance(text, str):
+            raise ModelError(f"a term must be text such as y(k-1)u(k-2)^2; got {kind_of(text)}")
         if text.strip() == "1":
             return cls(())
         names = SignalNames(tuple(input_names), tuple(output_names))

@@ -407,7 +407,8 @@ def _resampled(source: _Source, plan: Resampling) -> tuple[Recording, ...]:
         about = source.origin(*rows) | {"resampled": plan.sentence()}
         fine = source.recording(clock, plan.sample_time / plan.factor, take, about)
         try:
-            made.append(decimate(fine, plan.factor, reading=plan.reading, means=plan.means))
+            means = {*plan.means} & {*fine.output_names, *fine.extras}
+            made.append(decimate(fine, plan.factor, reading=plan.reading, means=means))
         except DataError as error:  # too short for the filter
             raise DataError(
                 f"{source.where(rows[0])}, with a sample every {plan.sample_time:g} s: {error}", error.offers

@@ -188,15 +188,17 @@ def read_commands(
     )[0]
 
 
-def read_recording(path: str | Path, **options: Unpack[_Options]) -> Recording:
+def read_recording(path: str | Path, *, allow_gaps: bool = False, **options: Unpack[_Options]) -> Recording:
     """Read a file that contains one recording without gaps.
 
     Parameters
     ----------
     path : str or Path
         File to read.
+    allow_gaps : bool, default False
+        Must be False, because a file with gaps holds several recordings, which `read_experiment` returns.
     **options
-        Options of `read_recordings` except `allow_gaps`.
+        Options of `read_recordings`.
 
     Returns
     -------
@@ -206,8 +208,13 @@ def read_recording(path: str | Path, **options: Unpack[_Options]) -> Recording:
     Raises
     ------
     DataError
-        Same as for `read_recordings`.
+        Same as for `read_recordings`; also if `allow_gaps` is True.
     """
+    if allow_gaps:
+        raise DataError(
+            "read_recording returns one recording, but allow_gaps divides a file at its gaps: use read_experiment or "
+            "read_recordings, which return all parts"
+        )
     return read_recordings(path, allow_gaps=False, **options)[0]
 
 

@@ -84,6 +84,8 @@ class Formula:
 
     @cached_property
     def _tree(self) -> ast.Expression:
+        if not isinstance(self.text, str):
+            raise self._error("it is not a text")
         if len(self.text) > LONGEST:
             raise self._error(f"it is longer than {LONGEST} characters")
         try:

@@ -28,7 +28,8 @@ Band = Annotated[
     tuple[float, float] | None,
     typer.Option(
         metavar="LOW HIGH",
-        help="Frequencies of the input, Hz; by default from 0 to the highest that the training input excited.",
+        help="Frequencies of the input, Hz; by default from 0 to the highest that the training input excited, and for H1 up "
+        "to half the sampling rate.",
     ),
 ]
 Level = Annotated[

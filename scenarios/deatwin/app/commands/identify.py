@@ -252,9 +252,13 @@ def identify(
 
 def _refuse_idle(context: typer.Context, method: Method) -> None:
     """Raise an error for a given option that the method does not use."""
-    idle = ("output_lags", "input_lags", "first_input_lag", "max_terms") if method is Method.NSS else ("states",)
-    why = "a nonlinear state space has no lags and uses all terms" if method is Method.NSS else "only nss has states"
-    for name in idle:
+    idle = {"states": "only nss has states"}
+    if method is Method.SVB:
+        idle["max_terms"] = "sparse variational Bayes has no limit on the number of terms"
+    if method is Method.NSS:
+        why = "a nonlinear state space has no lags and uses all terms"
+        idle = dict.fromkeys(("output_lags", "input_lags", "first_input_lag", "max_terms"), why)
+    for name, why in idle.items():
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
             hint = f"--{name.replace('_', '-')}"

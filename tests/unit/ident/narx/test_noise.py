@@ -1,5 +1,6 @@
 """Narmax and prediction errors: bias, intervals and choice of noise terms, against simulation, loops and Armax."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -288,6 +289,16 @@ def test_an_exact_recording_leaves_no_noise_and_says_so():
     narmax.fit(Recording.from_arrays(u, lfilter([0, 1, 0.5], A, u), 1.0))
     assert narmax.status_.ok
     np.testing.assert_allclose(narmax.model_.theta[:4], [1.5, -0.7, 1.0, 0.5], rtol=1e-9)
+
+
+def test_memory_grows_with_the_samples_and_not_with_their_square():
+    """An array of 6000 x 6000 numbers is 288 MB; 100 rows of 6000 samples are 5 MB."""
+    recording = armax(0, n=6000)
+    tracemalloc.start()
+    Narmax(Fixed(terms=["y(k-1)", "u(k-1)"]), noise_terms=["e(k-1)"]).fit(recording)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 50e6
 
 
 def test_an_interrupt_keeps_the_process_model():

@@ -138,3 +138,5 @@ def test_a_residual_has_a_size_and_a_memory():
     for size, time in ((-1e-3, 0.5), (1e-3, 0.0), (np.inf, 0.5), (1e-3, np.nan)):
         with pytest.raises(ModelError, match="the rms must not be negative and the time be positive, both finite"):
             Residual(rms=size, correlation_time=time)
+    with pytest.raises(ModelError, match="correlation_time must be real numbers; got text"):
+        Residual(rms=1e-3, correlation_time="0.5 s")

@@ -19,7 +19,7 @@ def test_order_of_factors_does_not_matter():
     assert Term.parse("y(k-1)u(k-2)^2").degree == 3
 
 
-@pytest.mark.parametrize("text", ["", "y", "y(k)", "x(k-1)", "y(k-1)+u(k-1)", "y(k+1)", "2 y(k-1)"])
+@pytest.mark.parametrize("text", ["", "y", "y(k)", "x(k-1)", "y(k-1)+u(k-1)", "y(k+1)", "2 y(k-1)", None, 1])
 def test_what_is_not_a_term_is_refused(text):
     with pytest.raises(ModelError):
         Term.parse(text)

@@ -158,6 +158,8 @@ class TestClock:
         assert {piece.sample_time for piece in pieces} == {0.02}
         assert pieces[1].provenance["rows"] == "52-71"
         assert read_experiment([path], allow_gaps=True).n_samples == 100
+        with pytest.raises(DataError, match="use read_experiment or read_recordings, which return all parts"):
+            read_recording(path, allow_gaps=True)
 
     def test_rows_without_a_value_are_gaps(self, write) -> None:
         lines = [HEADER, *rows(50)]
