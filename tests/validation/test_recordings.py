@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from needs import COMPILED
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
 from deatwin.plant import Experiment, Recording
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.files import read_recording
-from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.sources import load_plant
 
 FOLDER = Path(__file__).parents[1] / "recordings"
@@ -37,9 +37,7 @@ CHECK = 2.4
 COVERED = (0.92, 0.98)
 """Of the readings of check.csv by the 95 % band: by chance a share of 6000 white ones is off by 0.6 % in 1 of 20."""
 
-pytestmark = pytest.mark.skipif(
-    compiler() is None, reason="many fits: without a C compiler they take ten times as long"
-)
+pytestmark = COMPILED
 
 
 def recording(case: str, part: str, folder: Path) -> Recording:
@@ -64,7 +62,7 @@ def check_error(diagnosis: Diagnosis, plant, history: Experiment, check: Recordi
         *(pytest.param(name, None, id=name, marks=pytest.mark.study) for name in CASES if name != "open_none_1"),
     ],
 )
-def test_verdict_and_prediction(case: str, offered: list[str] | None, tmp_path: Path) -> None:
+def test_verdict_and_prediction(case, offered, tmp_path):
     effects = None if offered is None else [effect_named(name) for name in offered]
     history = Experiment(recordings=tuple(recording(case, part, tmp_path) for part in ("noise", "steps")))
     check = recording(case, "check", tmp_path)

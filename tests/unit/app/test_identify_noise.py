@@ -13,7 +13,7 @@ from deatwin.plant.recording import Recording
 
 
 @pytest.mark.parametrize("on_readings", [True, False])
-def test_noise_on_the_readings_is_told_from_noise_in_the_dynamics(on_readings: bool) -> None:
+def test_noise_on_the_readings_is_told_from_noise_in_the_dynamics(on_readings):
     """An oscillator with a damping ratio of 0.33: least squares is biased by the former and, as theory has it, not by the latter."""
     said = 0
     for seed in range(6):

@@ -1,7 +1,5 @@
 """What `deatwin identify` says of periodic recordings."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -10,9 +8,7 @@ from deatwin.plant.excitation import random_odd_harmonics, random_phase_multisin
 
 
 @pytest.mark.parametrize(("power", "said"), [(3, True), (2, False)])
-def test_an_odd_distortion_asks_for_an_odd_degree(
-    power: int, said: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_odd_distortion_asks_for_an_odd_degree(power, said, tmp_path, capsys):
     rng = np.random.default_rng(1)
     harmonics, _ = random_odd_harmonics(rng, 5.12, 20.0)
     u = random_phase_multisine(rng, 5.12, 0.01, harmonics, 1.0, periods=4, lower=-2.0, upper=7.0)

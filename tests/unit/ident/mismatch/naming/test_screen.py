@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from made_fits import made_problem
 from made_rigs import Wire
+from needs import COMPILED
+from runs import blank
 
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.parts import simulated
@@ -36,9 +38,8 @@ from deatwin.plant import (
     SensorSaturation,
 )
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.integrator.compiled import compiler
 
-pytestmark = pytest.mark.skipif(compiler() is None, reason="a fit: without a C compiler it takes ten times as long")
+pytestmark = COMPILED
 PLANT = Plant(rig=Diaphragm())
 
 
@@ -160,8 +161,7 @@ def test_a_tone_is_looked_for_with_its_phase_at_the_readings(reading, frequency)
     plant = Plant(rig=Diaphragm(reading=reading))
     tone = PeriodicDisturbance(amplitude=20e-6, frequency=frequency, phase=0.4)
     commands = band_limited_noise(np.random.default_rng(0), 20.0, 0.02)
-    blank = Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), 0.02),))
-    part = Part.whole(plant.with_effects(tone).record(blank, np.random.default_rng(1)))
+    part = Part.whole(plant.with_effects(tone).record(blank(commands), np.random.default_rng(1)))
     fit = calibrate(plant, [part], evaluations=3, starts=1)
     problem = made_problem(fitted=(part,))
     (lead,) = leads(linearised_responses(problem, fit, [PeriodicDisturbance()], fit), fit)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from runs import blank
 
 from deatwin.ident.mismatch.quality.quality import Soundness, check_quality, confirm, split
 from deatwin.plant import DataError, Diaphragm, Experiment, ModelError, Plant, Recording
@@ -13,17 +14,12 @@ PLANT = Plant(rig=Diaphragm())
 
 
 @pytest.fixture(scope="module")
-def sound() -> Experiment:
+def sound():
     rng = np.random.default_rng(0)
     noise = band_limited_noise(rng, 40.0, 0.02)
     holds = random_holds(rng, 40.0, 0.02, 1.2, 3.2)
-    blank = Experiment(
-        recordings=(
-            Recording.from_arrays(noise, np.zeros_like(noise), 0.02),
-            Recording.from_arrays(holds, np.zeros_like(holds), 0.02, start=40.0),
-        )
-    )
-    return PLANT.record(blank, np.random.default_rng(1))
+    records = (*blank(noise).recordings, *blank(holds, start=40.0).recordings)
+    return PLANT.record(Experiment(recordings=records), np.random.default_rng(1))
 
 
 def test_ringing_after_any_jump_is_no_outlier():
@@ -31,22 +27,21 @@ def test_ringing_after_any_jump_is_no_outlier():
     rng = np.random.default_rng(2)
     for _ in range(20):
         holds = random_holds(rng, 60.0, 0.02, 1.1, 3.3)
-        blank = Experiment(recordings=(Recording.from_arrays(holds, np.zeros_like(holds), 0.02),))
-        assert check_quality(PLANT, [PLANT.record(blank, rng)]).soundness is Soundness.SOUND
+        assert check_quality(PLANT, [PLANT.record(blank(holds), rng)]).soundness is Soundness.SOUND
 
 
 def test_a_corner_of_the_command_makes_no_outlier():
     """Where a command that moves turns within a sample, the ball overshoots: not suspected, let alone a fault."""
     slope = np.concatenate([np.linspace(1.2, 3.2, 150), np.linspace(3.2, 1.2, 150)[1:]])
     commands = np.tile(slope, 8)
-    blank = Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), 0.02),))
-    reading = PLANT.record(blank, np.random.default_rng(6)).recordings[0].outputs[0].copy()
+    unread = blank(commands)
+    reading = PLANT.record(unread, np.random.default_rng(6)).recordings[0].outputs[0].copy()
     corner = int(np.argmax(commands[1000:])) + 1000
     reading[corner + 5] += 2e-4
-    spoiled = with_outputs(blank, reading)
+    spoiled = with_outputs(unread, reading)
     assert not check_quality(PLANT, [spoiled]).outliers[0][0][corner : corner + 50].any()
     reading[corner + 80] += 2e-4
-    spoiled = with_outputs(blank, reading)
+    spoiled = with_outputs(unread, reading)
     assert check_quality(PLANT, [spoiled]).outliers[0][0][corner + 80]
 
 
@@ -55,8 +50,7 @@ def test_fast_motion_is_no_outlier():
     rng = np.random.default_rng(5)
     for _ in range(10):
         noise = band_limited_noise(rng, 60.0, 0.02, band=3.0)
-        blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))
-        assert not check_quality(PLANT, [PLANT.record(blank, rng)]).findings
+        assert not check_quality(PLANT, [PLANT.record(blank(noise), rng)]).findings
 
 
 def test_a_ball_that_rings_at_every_turn_of_the_drive_is_no_outlier(sound):
@@ -95,7 +89,7 @@ def with_outputs(experiment: Experiment, outputs: np.ndarray) -> Experiment:
 
 def test_a_sound_experiment_passes(sound):
     checked = check_quality(PLANT, [sound])
-    assert checked.soundness is Soundness.SOUND
+    assert (checked.soundness, checked.notes) == (Soundness.SOUND, ())
     assert all(mask.mean() > 0.995 for mask in checked.sound[0])
 
 
@@ -252,14 +246,6 @@ def test_times_of_a_stretch_are_written_with_the_digits_that_tell_them_apart(sou
     assert said(100, 101, 110, 1500) == "4 samples: 0.100 to 0.101 s, 0.11 s, 1.50 s"
 
 
-def test_nothing_to_diagnose_is_one_clear_error(sound):
-    with pytest.raises(DataError, match="no recording was given"):
-        check_quality(PLANT, [])
-    constant = Experiment(recordings=(Recording.from_arrays(np.full(3000, 2.0), np.zeros(3000), 0.02),))
-    with pytest.raises(DataError, match="constant"):
-        check_quality(PLANT, [constant])
-
-
 def test_limits_jumps_steps_and_gaps_are_reported_but_no_faults(sound):
     first, second = sound.recordings
     clipped = np.minimum(first.outputs, np.quantile(first.outputs, 0.8))
@@ -275,10 +261,6 @@ def test_limits_jumps_steps_and_gaps_are_reported_but_no_faults(sound):
     jumped = first.outputs[0] - 3e-4 * (np.arange(2000) >= 1200)
     jumps = [note for note in check_quality(PLANT, [with_outputs(sound, jumped)]).notes if "jumps" in note]
     assert jumps == ["record 1: the reading jumps in one sample at 24.00 s"]
-
-
-def test_a_sound_experiment_needs_no_notes(sound):
-    assert check_quality(PLANT, [sound]).notes == ()
 
 
 def test_a_jump_is_confirmed_by_the_residual(sound):
@@ -301,6 +283,7 @@ def test_the_gate_draws_what_it_found(sound):
     ("given", "said"),
     [
         (lambda sound: (), "no recording was given"),
+        (lambda sound: Recording.from_arrays(np.full(3000, 2.0), np.zeros(3000), 0.02), "constant"),
         (lambda sound: None, "experiment 1 is a NoneType, neither an Experiment nor a Recording: .*from_arrays"),
         (lambda sound: [sound, sound.recordings[0].outputs], "experiment 2 is a ndarray"),
         (lambda sound: replace(sound.recordings[0], input_units=("A",)), "is in A, but the model needs it in V"),
@@ -321,11 +304,6 @@ def test_a_single_recording_starts_from_rest(sound):
     assert alone.findings == as_experiment.findings and alone.soundness is as_experiment.soundness
 
 
-def test_a_rig_is_no_plant(sound):
-    with pytest.raises(ModelError, match="needs a Plant, not a Diaphragm"):
-        check_quality(PLANT.rig, sound)
-
-
 def turning(command: np.ndarray, friction: float) -> np.ndarray:
     """Speed of a rotor with dry friction as a counter reads it, rad/s: 0.1 s of inertia, steps of a millisecond."""
     speed, counted = 0.0, np.zeros(command.size)
@@ -333,7 +311,7 @@ def turning(command: np.ndarray, friction: float) -> np.ndarray:
         counted[k] = 0.05 * np.round(speed / 0.05)
         for _ in range(50):
             if speed == 0.0 and abs(drive) <= friction:
-                continue
+                break
             way = np.sign(speed) or np.sign(drive)
             new = speed + 1e-3 * (drive - speed - friction * way) / 0.1
             speed = 0.0 if speed * new < 0.0 else new
@@ -361,7 +339,7 @@ def sticking(drag: np.ndarray, step: float) -> np.ndarray:
         for _ in range(inner):
             pull = end - place
             if speed == 0.0 and abs(pull) <= 1.0:
-                continue
+                break
             way = np.sign(speed) or np.sign(pull)
             new = speed + 0.02 / inner * (omega**2 * (pull - 0.6 * way) - 0.4 * omega * speed)
             speed = 0.0 if speed * new < 0.0 else new

@@ -4,6 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from needs import COMPILED
+from runs import blank
 from scipy.interpolate import CubicSpline
 
 from deatwin.ident.greybox.fit import calibrate
@@ -11,7 +13,6 @@ from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.verify.constancy import SURELY, Constancy, constancies
 from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.parameters import Scale
 
 SAMPLES, STEP = 5000, 0.02
@@ -121,15 +122,15 @@ def test_what_speaks_against_an_effect(change, deviation, holds):
     assert Constancy(effect="delay", change=change, deviation=deviation, own=0.5).holds is holds
 
 
-@pytest.mark.skipif(compiler() is None, reason="many runs: without a C compiler they take ten times as long")
+@COMPILED
 def test_a_clock_that_runs_fast_is_no_delay():
     plant, rng = Plant(rig=Diaphragm()), np.random.default_rng(11)
     command = band_limited_noise(rng, 120.0, STEP)
-    blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), STEP),))
-    times = blank.recordings[0].timepts
+    unread = blank(command)
+    times = unread.recordings[0].timepts
     noise = NOISE * rng.normal(size=times.size)
-    delayed = plant.with_effects(Delay(time=0.002)).simulate(blank).outputs[0][0]
-    exact = plant.simulate(blank).outputs[0][0]
+    delayed = plant.with_effects(Delay(time=0.002)).simulate(unread).outputs[0][0]
+    exact = plant.simulate(unread).outputs[0][0]
     skewed = CubicSpline(times, exact)(times * (1 - 0.002 / times[-1]))  # 0 to 2 ms late, so that first order holds
 
     def judged(output: np.ndarray) -> tuple[Constancy, float]:
