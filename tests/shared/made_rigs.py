@@ -1,4 +1,4 @@
-"""What rigs that tests make have in common, a mass on a spring, a wire, a tank, a plate that pulls in, and a lag."""
+"""What rigs that tests make have in common, a mass on a spring, a wire, a tank, and a plate that pulls in."""
 
 from __future__ import annotations
 
@@ -129,24 +129,3 @@ class Gap(Bare):
         pull = build.command**2 / (1 - position) ** 2 - build.parameter("stiffness") * position
         build.rate(position, pull, mass=build.parameter("damping"))
         return position
-
-
-@dataclass(frozen=True, kw_only=True)
-class Amplifier(Bare):
-    """A first-order lag between command and reading."""
-
-    kind: ClassVar[str] = "amplifier"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="gain", value=1e-4, unit="m/V", lower=1e-6, upper=1e-2),
-            Parameter(name="time", value=0.1, unit="s", lower=0.0, upper=1.0),
-            Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3),
-        )
-
-    def write(self, build: Builder) -> Any:
-        position = build.share("position", build.state("position", scale=1e-4))
-        command = build.place(Place.DRIVE, "command", build.command)
-        build.rate(position, build.parameter("gain") * command - position, mass=build.parameter("time"))
-        return build.place(Place.SENSOR, "reading", position + build.parameter("zero"))

@@ -79,7 +79,7 @@ def test_how_often_the_place_is_among_the_best():
 
 def test_noise_is_not_taken_for_a_function_of_the_signals():
     rng = np.random.default_rng(5)
-    command = band_limited_noise(rng, 20.0, 0.02)
+    command = band_limited_noise(rng, 12.0, 0.02)
     plant = Plant(rig=Diaphragm())
     (linear,) = linearise(plant, [Part.whole(blank(command))], [Opening(place="sensor", signal="reading")])
     (problem,) = regressions([linear])

@@ -4,9 +4,9 @@ import json
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-import made_rigs
 import numpy as np
 import pytest
+from made_rigs import Bare
 
 from deatwin.ident.mismatch import ExperimentPlan, plan_experiment
 from deatwin.plant import (
@@ -15,6 +15,7 @@ from deatwin.plant import (
     Delay,
     Experiment,
     ModelError,
+    Parameter,
     Plant,
     Reading,
     Recording,
@@ -23,6 +24,7 @@ from deatwin.plant import (
     Sizes,
 )
 from deatwin.plant.builder import Builder
+from deatwin.plant.effects.base import Place
 from deatwin.plant.files import read_commands
 
 STEP = 0.02
@@ -30,10 +32,24 @@ EFFECTS = (Delay(), SensorLag(), SensorCurvature())
 
 
 @dataclass(frozen=True, kw_only=True)
-class Amplifier(made_rigs.Amplifier):
-    """The same with equations that are right to a thousandth of the motion."""
+class Amplifier(Bare):
+    """A first-order lag between command and reading."""
 
+    kind: ClassVar[str] = "amplifier"
     model_share: ClassVar[float] = 1e-3
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="gain", value=1e-4, unit="m/V", lower=1e-6, upper=1e-2),
+            Parameter(name="time", value=0.1, unit="s", lower=0.0, upper=1.0),
+        )
+
+    def write(self, build: Builder) -> Any:
+        position = build.share("position", build.state("position", scale=1e-4))
+        command = build.place(Place.DRIVE, "command", build.command)
+        build.rate(position, build.parameter("gain") * command - position, mass=build.parameter("time"))
+        return build.place(Place.SENSOR, "reading", position)
 
 
 def commands(values: np.ndarray) -> Recording:
