@@ -45,14 +45,8 @@ def test_a_drift_that_may_be_large_and_slow_together_is_not_absent():
         assert found == (("sensor_drift",) if absent else ())
 
 
-def test_a_strength_that_only_others_tell_is_left_to_the_ablation():
+def test_a_strength_that_only_others_tell_or_that_is_not_fitted_is_left_to_the_ablation():
     known = fitted(2e-5, 2e-5, determined=False)
     assert NAMES[0] in known.undetermined and not perhaps_absent(known, BOTH)
-
-
-def test_a_strength_that_is_not_fitted_is_certain():
     assert not perhaps_absent(fitted(2e-5, 1e-6), ("creep", "hysteresis", "sensor_drift"))
-
-
-def test_an_effect_that_the_plant_had_before_is_not_asked_for():
-    assert not perhaps_absent(fitted(2e-5, 2e-5), ("creep",))
+    assert not perhaps_absent(fitted(2e-5, 2e-5), ("creep",))  # the drift was in the plant before
