@@ -82,8 +82,8 @@ def test_several_readings_share_their_coordinates():
 def test_unknown_scales_are_summed_over(kappa, sigma):
     reading = replace(rows(8), kappa=LogNormal(median=0.5, spread=kappa), sigma=LogNormal(median=2.0, spread=sigma))
     prior = Prior.of((3, None))
-    kappas = np.log(0.5) + kappa * np.linspace(-6.0, 6.0, 31 if kappa else 1)
-    sigmas = np.log(2.0) + sigma * np.linspace(-6.0, 6.0, 31 if sigma else 1)
+    kappas = np.log(0.5) + kappa * np.linspace(-6.0, 6.0, 61 if kappa else 1)
+    sigmas = np.log(2.0) + sigma * np.linspace(-6.0, 6.0, 61 if sigma else 1)
     logs = np.array([[log_normal(reading, prior, np.exp(k), np.exp(s)) for s in sigmas] for k in kappas])
     peak = logs.max()
     dense = np.exp(logs - peak)
