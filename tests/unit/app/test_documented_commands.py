@@ -323,7 +323,7 @@ def test_a_block_of_python_runs(at, at_desk, monkeypatch):
     if "predicted.csv" in code:
         assert run(shlex.split(PREDICTED)) == 0
     if at[0] == "CONTRIBUTING.md":  # on recordings of some seconds
-        monkeypatch.setattr(specimens, "make", partial(specimens.make, seconds=12.0, check_seconds=2.0))
+        monkeypatch.setattr(specimens, "make", partial(specimens.make, seconds=12.0, check_seconds=6.0))
     module = ModuleType("__main__")
     monkeypatch.setitem(sys.modules, "__main__", module)
     monkeypatch.setattr("matplotlib.pyplot.show", lambda: None)
