@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.greybox import Calibration, FitStatus
+from deatwin.ident.greybox import Calibration, FitStatus, Part
 from deatwin.ident.mismatch import Candidate, DiagnosisProblem
-from deatwin.plant import Plant, Rig
+from deatwin.plant import Experiment, Plant, Rig
 
 
 def made_fit(plant: Any, residuals: NDArray[np.float64], *names: str, **changed: Any) -> Calibration:
@@ -24,6 +24,15 @@ def made_problem(**given: Any) -> DiagnosisProblem:
     parts = {"fitted": (), "unseen": (), "everything": ()}
     plain = {"nominal": None, "effects": (), "jobs": 1, "stated_error": 1e-6, "expected_error": 1e-6}
     return DiagnosisProblem(**{**parts, **plain, **given})
+
+
+def benched(nominal: Plant, experiment: Experiment, **given: Any) -> DiagnosisProblem:
+    """A diagnosis problem in which seven tenths of each record are fitted, and the rest judges."""
+    early = tuple(np.arange(record.n_samples) < 0.7 * record.n_samples for record in experiment.recordings)
+    fitted, unseen = (Part(experiment=experiment, masks=masks) for masks in (early, tuple(~mask for mask in early)))
+    errors = dict.fromkeys(("stated_error", "expected_error"), nominal.rig.model_error)
+    parts = {"fitted": (fitted,), "unseen": (unseen,), "everything": (Part.whole(experiment),)}
+    return made_problem(nominal=nominal, **{**parts, **errors, **given})
 
 
 def leaving(fitted: float, unseen: float, *effects: str, rig: Rig, noise: float) -> Candidate:

@@ -6,6 +6,11 @@ from numpy.typing import NDArray
 from deatwin.plant import Experiment, Plant, Recording
 
 
+def blank(commands: NDArray[np.float64], step: float = 0.02, start: float = 0.0) -> Experiment:
+    """One record of commands, of which nothing was read."""
+    return Experiment(recordings=(Recording.from_arrays(commands, np.zeros(len(commands)), step, start=start),))
+
+
 def readings(
     plant: Plant, commands: NDArray[np.float64], start: float = 0.0, **channels: NDArray[np.float64]
 ) -> NDArray[np.float64]:

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from deatwin.scenarios.concealed_physics.page import (
 )
 from deatwin.scenarios.concealed_physics.results import Goal, Opened, gaps_closed, open_key, score, sentence
 from deatwin.scenarios.concealed_physics.study import CASE_SCHEMA
-from deatwin.studies.stories import Setting
 from deatwin.studies.sweep.seal import SweepSeal, digest
 from deatwin.studies.sweep.store import CaseStore
 
@@ -119,7 +117,7 @@ def results_page(study: Opened, goals: list[Goal], seal: SweepSeal) -> str:
 
 
 @pytest.fixture
-def made(tmp_path: Path) -> tuple[CaseStore, dict[str, Any]]:
+def made(tmp_path):
     """A folder with hand-made results."""
     key = {"names": {"key": NAMES, "random": ["aether_wind"]}, "cases": [s for s, _ in MADE]}
     store = CaseStore(tmp_path, sealed(key))
@@ -129,7 +127,7 @@ def made(tmp_path: Path) -> tuple[CaseStore, dict[str, Any]]:
 
 
 @pytest.fixture
-def opened(made: tuple[CaseStore, dict[str, Any]]) -> Opened:
+def opened(made):
     return open_key(*made)
 
 
@@ -138,7 +136,7 @@ def goal(goals: list[Goal], *words: str) -> Goal:
     return found
 
 
-def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
+def test_every_goal_is_counted_as_a_person_would(opened):
     goals = score(opened)
 
     def counted(*words: str) -> tuple[int, int]:
@@ -179,14 +177,14 @@ def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
     assert counted("the effect's parameters alone") == (6, 6)
 
 
-def test_goals_are_met_only_where_cases_count(tmp_path: Path) -> None:
+def test_goals_are_met_only_where_cases_count(tmp_path):
     key: dict[str, Any] = {"names": {"key": NAMES, "random": []}, "cases": []}
     goals = score(open_key(CaseStore(tmp_path, sealed(key)), key))
     assert not any(g.met for g in goals)
     assert {g.reached for g in goals} == {"not tested (no such cases)"}
 
 
-def test_what_is_only_reported_is_neither_met_nor_missed(opened: Opened) -> None:
+def test_what_is_only_reported_is_neither_met_nor_missed(opened):
     goals = score(opened)
     only = [g for g in goals if g.met is None]
     assert {g.demanded for g in only} == {"reported"}
@@ -202,7 +200,7 @@ def test_what_is_only_reported_is_neither_met_nor_missed(opened: Opened) -> None
     assert reported(goals).rows == [[g.measure, g.reached] for g in only]
 
 
-def test_ties_tell_what_was_diagnosed_with_a_mass_and_what_needed_no_experiment(opened: Opened) -> None:
+def test_ties_tell_what_was_diagnosed_with_a_mass_and_what_needed_no_experiment(opened):
     cells = {row[0]: row[-2:] for table in tables(opened) if table.title.startswith("Ties") for row in table.rows}
     assert cells == {
         "t1": ["named: sensor_lag", "yes"],
@@ -212,7 +210,7 @@ def test_ties_tell_what_was_diagnosed_with_a_mass_and_what_needed_no_experiment(
     }
 
 
-def test_confusion_counts_every_single_case_once(opened: Opened) -> None:
+def test_confusion_counts_every_single_case_once(opened):
     table = by_effect(opened)
     assert table.counts.sum() == sum(case.kind in ("clean", "effect", "outside") for case in opened.cases)
     at = {name: k for k, name in enumerate(table.answers)}
@@ -224,9 +222,7 @@ def test_confusion_counts_every_single_case_once(opened: Opened) -> None:
     assert families.counts[families.truths.index("mechanical"), families.answers.index("mechanical")] == 1
 
 
-def test_figures_tables_and_page_hold_the_counts(
-    opened: Opened, made: tuple[CaseStore, dict[str, Any]], tmp_path: Path
-) -> None:
+def test_figures_tables_and_page_hold_the_counts(opened, made, tmp_path):
     goals = score(opened)
     assert all(isinstance(figure.columns, str) for figure in drawings(opened))
     assert "structural residual over noise" in summary(opened)
@@ -241,9 +237,7 @@ def test_figures_tables_and_page_hold_the_counts(
     assert "interrupted" not in page
 
 
-def test_the_story_is_told_of_hand_made_cases(
-    made: tuple[CaseStore, dict[str, Any]], setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_story_is_told_of_hand_made_cases(made, setting, tmp_path, monkeypatch):
     monkeypatch.setattr(concealed_physics, "carry_out", lambda *_: made[0])
     monkeypatch.setattr(concealed_physics, "key_of", lambda _: made[1])
     result = concealed_physics.run(replace(setting, size="tiny"))
@@ -255,7 +249,7 @@ def test_the_story_is_told_of_hand_made_cases(
     assert {"seal.json", "cases", "key.json", "summary.svg", "report.html"} <= set(written)
 
 
-def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_path: Path) -> None:
+def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_path):
     specs = running.case_specs("tiny", 2)
     store = CaseStore(tmp_path, running.seal_of("tiny", 2, running.key_of(specs)))
     clean = [each.name for each in specs if each.kind == "clean"][:2]
@@ -268,14 +262,14 @@ def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_pat
     assert not (tmp_path / "key.json").exists()  # the key stays shut until the last case is through
 
 
-def test_a_changed_key_does_not_open_the_study(made: tuple[CaseStore, dict[str, Any]]) -> None:
+def test_a_changed_key_does_not_open_the_study(made):
     store, key = made
     cases = [{**case, "truth": ["delay"]} if case["name"] == "e3" else case for case in key["cases"]]
     with pytest.raises(DataError, match="not the one that was sealed"):
         open_key(store, {**key, "cases": cases})
 
 
-def test_half_are_named_where_a_known_curve_passes_one_half() -> None:
+def test_half_are_named_where_a_known_curve_passes_one_half():
     """Answers of a logistic curve with one half at a ratio of 0.4: 400 answers determine it within 15 %."""
     rng = np.random.default_rng(5)
     ratios = np.exp(rng.uniform(np.log(0.1), np.log(5.0), 400))

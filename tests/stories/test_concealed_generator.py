@@ -338,9 +338,8 @@ def test_what_commands_of_one_polarity_do_not_show_has_both_or_is_in_no_pair():
 
 def test_each_of_a_pair_with_a_ground_shift_is_seen():
     spec = next(s for s in case_specs("standard", 1) if s.kind == "pair" and "ground_shift" in s.effects)
-    assert (
-        min(make(spec, seconds=40.0, check_seconds=5.0).ratios.values()) >= 0.7
-    )  # of the noise, after a refit, as for every pair
+    ratios = make(spec, seconds=24.0, check_seconds=2.0).ratios.values()
+    assert min(ratios) >= 0.7  # of the noise, after a refit, as for every pair
 
 
 def test_the_standard_study_has_the_cases_that_were_asked_for():
@@ -398,7 +397,7 @@ def test_without_strength_nothing_happens_in_the_equations(name):
     assert np.abs(apparatus(drawn).readings(experiment)[0] - clean).max() > 0.1e-6
 
 
-def test_every_term_of_the_sparse_dynamics_stands_for_some_effect_of_the_catalogue() -> None:
+def test_every_term_of_the_sparse_dynamics_stands_for_some_effect_of_the_catalogue():
     from pysindy import PolynomialLibrary
 
     monomials = PolynomialLibrary(degree=2).fit(np.zeros((2, len(VARIABLES)))).get_feature_names(list(VARIABLES))

@@ -1,17 +1,17 @@
 """The study of concealed effects as it runs: an interruption, and a tiny study."""
 
 import json
-from collections.abc import Callable
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from concealed_study import opened_study
+from runs import blank
 
 from deatwin.app.cli import main
 from deatwin.ident.greybox import Part, calibrate
-from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording
+from deatwin.plant import Delay, Diaphragm, Plant
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.scenarios.concealed_physics import study as running
 
@@ -21,9 +21,7 @@ TINY_SEED = 1001
 # --- running --------------------------------------------------------------------------------------------------------
 
 
-def test_an_interrupted_study_keeps_what_is_done_and_repeats_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_study_keeps_what_is_done_and_repeats_nothing(tmp_path, monkeypatch):
     calls: list[str] = []
     told: list[tuple[float, str]] = []
 
@@ -52,30 +50,30 @@ def test_an_interrupted_study_keeps_what_is_done_and_repeats_nothing(
     assert told[-1][1] == "case 12 of 12" and "left" in told[-2][1]
 
 
-def test_an_interrupt_that_became_an_error_is_no_result(
-    mistaken: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupt_that_became_an_error_is_no_result(mistaken, monkeypatch):
     monkeypatch.setattr(running, "examine", mistaken)
     clean = next(each for each in running.case_specs("tiny", 2) if each.kind == "clean")
     with pytest.raises(KeyboardInterrupt):
         running.run_case("tiny", clean)
 
 
-def test_a_case_is_diagnosed_and_compared_with_what_was_concealed() -> None:
+def test_a_case_is_diagnosed_and_compared_with_what_was_concealed(monkeypatch):
     """Two of the tiny study: what is concealed at 2.8 times the noise is named, and nothing where there is nothing."""
+    short = replace(running.SIZES["tiny"], seconds=24.0, check_seconds=6.0)  # whole cases are for the study below
+    monkeypatch.setattr(running, "SIZES", {"tiny": short})
     specs = {each.name: each for each in running.case_specs("tiny", TINY_SEED)}
     for name, verdict, causes in (
         ("quadratic-damping-01", "named", ["quadratic_damping"]),
         ("clean-001", "parameters", []),
     ):
-        result = running.run_case("tiny", specs[name])
+        result = running.run_case("tiny", replace(specs[name], library=("creep", "quadratic_damping")))
         found = result["diagnosis"]
         assert (result["status"], found["verdict"]) == ("done", verdict)
         assert [cause["effect"] for cause in found["causes"]] == causes
 
 
 @pytest.mark.study
-def test_a_tiny_study_holds(tmp_path: Path) -> None:
+def test_a_tiny_study_holds(tmp_path):
     command = ["scenario", "concealed-physics", "--size", "tiny", "--seed", str(TINY_SEED), "--jobs", "2", "--quiet"]
     assert main([*command, "--out", str(tmp_path)]) == 0
     result = json.loads((tmp_path / "concealed-physics.json").read_text(encoding="utf-8"))
@@ -91,13 +89,12 @@ def test_a_tiny_study_holds(tmp_path: Path) -> None:
     assert sum(case.inside for case in opened.of("effect", ratio=0.5)) >= 2
 
 
-def test_the_oracle_of_a_delay_begins_without_the_dead_time_of_the_base_plant() -> None:
+def test_the_oracle_of_a_delay_begins_without_the_dead_time_of_the_base_plant():
     """A diagnosis may give its base plant a dead time; an effect can be in a plant only once."""
     rng = np.random.default_rng(12)
     nominal = Plant(rig=Diaphragm())
     command = band_limited_noise(rng, 20.0, 0.02)
-    blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), 0.02),))
-    parts = [Part.whole(nominal.with_effects(Delay(time=0.06)).record(blank, rng))]
+    parts = [Part.whole(nominal.with_effects(Delay(time=0.06)).record(blank(command), rng))]
     base = calibrate(nominal.with_effects(Delay(time=0.003)), parts, starts=1)
     found = running._consulted(nominal, base, parts, ("delay",))
     assert found is not None and found.plant.effect_names == ("delay",)

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,12 +15,11 @@ from deatwin.plant.fleet import fleet
 from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet
 from deatwin.scenarios.fleet_models.page import Choice, estimate_all, judge_semp, judge_svb, shares
 from deatwin.scenarios.fleet_models.study import FREE, FROLS, LINEAR, SEMP, SVB, Bench, Programme, Study, identify
-from deatwin.studies.stories import Setting
 
 BOTH = Programme(methods=(SEMP, SVB), beside=(FROLS, FREE))
 
 
-def test_numbers_of_terms_by_bound_and_by_threshold() -> None:
+def test_numbers_of_terms_by_bound_and_by_threshold():
     choice = Choice(
         terms=np.array([5.0, 3.0, 2.0, 1.0]),
         bounds=np.array([7.0, 9.0, 8.0, 1.0]),
@@ -34,7 +32,7 @@ def test_numbers_of_terms_by_bound_and_by_threshold() -> None:
 
 
 @pytest.fixture(scope="module")
-def sound() -> Bench:
+def sound():
     """A plant that does not drift, identified from candidates that hold its law."""
     record = of_second_degree(1500)
     sections = record.section(0, 1000), record.section(1000, 1500)
@@ -42,14 +40,14 @@ def sound() -> Bench:
 
 
 @pytest.fixture(scope="module")
-def drifting() -> Bench:
+def drifting():
     """The same, with a drift of fifty times the noise."""
     record = of_second_degree(1500, drift=50 * NOISE)
     sections = record.section(0, 1000), record.section(1000, 1500)
     return identify("DEA 1", RECORDED, sections, plan_of((1, 1), 2, count=6), BOTH)
 
 
-def test_a_plant_among_the_candidates_is_found(sound: Bench) -> None:
+def test_a_plant_among_the_candidates_is_found(sound):
     truth = {"y(k-1)": 0.6, "u(k)^2": 1e-4, "u(k-1)^2": -2e-5, "y(k-1)u(k)": 0.02}
     for method in (SEMP, SVB):
         found = sound.models[method]
@@ -63,14 +61,14 @@ def test_a_plant_among_the_candidates_is_found(sound: Bench) -> None:
     assert set(sound.models) == {SEMP, SVB, LINEAR, FROLS, FREE}
 
 
-def test_a_drift_makes_tests_fail(sound: Bench, drifting: Bench) -> None:
+def test_a_drift_makes_tests_fail(sound, drifting):
     for method in (SEMP, SVB):
         assert drifting.models[method].passed < sound.models[method].passed
         assert "ee" in {test.name for test in drifting.models[method].held_out.failed}
         assert drifting.models[method].fit < sound.models[method].fit
 
 
-def test_only_what_a_programme_asks_for_is_identified() -> None:
+def test_only_what_a_programme_asks_for_is_identified():
     record = of_second_degree(700)
     sections = record.section(0, 500), record.section(500, 700)
     plan = plan_of((1, 0), 2, count=6)
@@ -113,9 +111,7 @@ PAGES = {
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_the_page_shows_what_fails(
-    name: str, sound: Bench, drifting: Bench, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_shows_what_fails(name, sound, drifting, setting, tmp_path, monkeypatch):
     module, tables, figures = PAGES[name]
     study = whole(drifting, sound, module.PROGRAMME.methods)
     monkeypatch.setattr(module, "carry_out", lambda *_, **__: study)
@@ -135,7 +131,7 @@ def test_the_page_shows_what_fails(
     assert len(result["models"]) == 6 * 3 * len(sound.models) and (tmp_path / "run.json").is_file()
 
 
-def test_the_posterior_s_share_is_the_parameter_times_its_term(sound: Bench) -> None:
+def test_the_posterior_s_share_is_the_parameter_times_its_term(sound):
     # The only term of degree 0 or of the past reading alone whose root mean square is plain: y(k-1).
     model, section = sound.models[SVB].model, sound.sections[0]
     place = [str(term) for term in model.terms].index("y(k-1)")
@@ -144,7 +140,7 @@ def test_the_posterior_s_share_is_the_parameter_times_its_term(sound: Bench) -> 
     assert middle == pytest.approx(model.theta[place] * size) and low < middle < high
 
 
-def test_a_sound_fleet_passes(sound: Bench) -> None:
+def test_a_sound_fleet_passes(sound):
     # There is no drift and no hysteresis to tell apart, and single tests fail by chance.
     left_out = ("without drift", "hysteresis", "correlation tests")
     study = whole(sound, sound, (SEMP, SVB))

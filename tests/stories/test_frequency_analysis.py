@@ -1,7 +1,6 @@
 """The closed forms against simulation, the measures on made-up actuators, and the page of the story."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,27 +9,26 @@ from pages import story_page
 
 from deatwin.ident.frequency import gfrf
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Fleet
+from deatwin.ident.narx.fleet.alike import OPERATING_INPUT
 from deatwin.scenarios import frequency_analysis
-from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, anchor
-from deatwin.scenarios.frequency_analysis.known import Known, known_systems
+from deatwin.scenarios.frequency_analysis.actuators import actuators, anchor
+from deatwin.scenarios.frequency_analysis.known import known_systems
 from deatwin.scenarios.frequency_analysis.measures import judge, spread
-from deatwin.studies.stories import Setting
 
 made = pytest.fixture(scope="module")(made_fleet)
 
 
 @pytest.fixture(scope="module")
-def found(made: Fleet) -> Actuators:
+def found(made):
     return actuators(made, np.random.default_rng(0), draws=100)
 
 
 @pytest.fixture(scope="module")
-def known() -> Known:
+def known():
     return known_systems(np.random.default_rng(0), recordings=20)
 
 
-def test_measures_of_known_actuators(made: Fleet, found: Actuators) -> None:
+def test_measures_of_known_actuators(made, found):
     # Equal laws of three gains: |H_1| differs by these at all frequencies, within what 260 s of this noise tell.
     assert spread(found.each, 0.01) == pytest.approx(0.5, abs=0.05)
     assert spread(found.each, 1.0) == pytest.approx(0.5, abs=0.05)
@@ -46,9 +44,7 @@ def test_measures_of_known_actuators(made: Fleet, found: Actuators) -> None:
     assert found.signal.amplitude == pytest.approx(min(-inputs.min(axis=1).max(), inputs.max(axis=1).min()))
 
 
-def test_the_page_and_what_fails_on_it(
-    made: Fleet, found: Actuators, known: Known, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_and_what_fails_on_it(made, found, known, setting, tmp_path, monkeypatch):
     monkeypatch.setattr(frequency_analysis, "identify_fleet", lambda *_, **__: made)
     monkeypatch.setattr(frequency_analysis, "known_systems", lambda *_: known)
     monkeypatch.setattr(frequency_analysis, "actuators", lambda *_, **__: found)
@@ -70,7 +66,7 @@ def test_the_page_and_what_fails_on_it(
     assert "table 4.3" in page and "figure 4.12" in page
 
 
-def test_verdicts_fail_where_they_should(found: Actuators, known: Known, made: Fleet) -> None:
+def test_verdicts_fail_where_they_should(found, known, made):
     truth = anchor(made.actuators[0], made, (0.5, 1.0))
     sound = {row.measure: row.passed for row in judge(known, found, truth)}
     first = found.each[0]

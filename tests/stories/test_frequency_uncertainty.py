@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,12 +28,11 @@ from deatwin.scenarios.frequency_uncertainty.study import (
     recorded,
     spectra,
 )
-from deatwin.studies.stories import Setting
 
 SAMPLE_TIME = 0.12
 
 
-def test_what_tolerances_predict() -> None:
+def test_what_tolerances_predict():
     # A quantity that is uniform within ±a has the standard deviation a/sqrt(3), and independent ones add in squares.
     shares = shares_of((mean(2.0),), {"thickness": (mean(2.3),), "mass": (mean(2.0 + 0.4j),)})
     assert shares["thickness"] == pytest.approx([0.15 / np.sqrt(3)])
@@ -42,7 +40,7 @@ def test_what_tolerances_predict() -> None:
     assert Consistency(tables={}, means={}, shares=shares, responses={}).predicted == pytest.approx([0.25 / np.sqrt(3)])
 
 
-def test_the_lines_of_an_order_are_those_with_power(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_lines_of_an_order_are_those_with_power(monkeypatch):
     monkeypatch.setattr(beside_draws, "DRAWS", 200)
     first, second, third = spectra(CASES[BILINEAR], (0,))
     lines = [np.round(each.propagated.frequency_Hz * 64).astype(int).tolist() for each in (first, second, third)]
@@ -57,7 +55,7 @@ def test_the_lines_of_an_order_are_those_with_power(monkeypatch: pytest.MonkeyPa
     np.testing.assert_allclose(spread_over, predicted, rtol=0.2)
 
 
-def test_who_shares_what() -> None:
+def test_who_shares_what():
     found = actuators(3, 4)
     groups = {group: [one for (its, _), one in found.items() if its == group] for group, _ in found}
     assert {group: len(every) for group, every in groups.items()} == {
@@ -75,12 +73,12 @@ def test_who_shares_what() -> None:
     assert all(one.plant is groups["repeats"][0].plant for one in groups["repeats"])
     assert len({one.seed for one in groups["repeats"]}) == 4
     made = {one.plant.rig.thickness for one in groups["shared"]}
-    assert made == {specification().rig.thickness}  # type: ignore[attr-defined]
+    assert made == {specification().rig.thickness}
     seeds = [one.seed for group in ("fleet", "repeats", "shared") for one in groups[group]]
     assert len(set(seeds)) == len(seeds)
 
 
-def test_one_quantity_at_the_end_of_its_tolerance() -> None:
+def test_one_quantity_at_the_end_of_its_tolerance():
     wished = specification()
     for (group, name), one in actuators(0, 1).items():
         if group != "tolerances":
@@ -92,7 +90,7 @@ def test_one_quantity_at_the_end_of_its_tolerance() -> None:
         assert off == pytest.approx({name: 1 + TOLERANCES[name].share})
 
 
-def test_what_is_compared_begins_after_the_start() -> None:
+def test_what_is_compared_begins_after_the_start():
     class Fake:
         def excitation(self, duration: float) -> float:
             return duration
@@ -101,7 +99,7 @@ def test_what_is_compared_begins_after_the_start() -> None:
             n = round(duration / 0.02)
             return Experiment(recordings=(Recording.from_arrays(np.arange(n), np.arange(n), 0.02),))
 
-    record = recorded(Fake(), 90.0)  # type: ignore[arg-type]
+    record = recorded(Fake(), 90.0)
     assert record.sample_time == pytest.approx(0.02 * FACTOR)
     assert record.start == pytest.approx(BEGIN)
     np.testing.assert_array_equal(record.inputs[0], np.arange(round(BEGIN / 0.02), 4500, FACTOR))
@@ -113,7 +111,7 @@ def polynomial(actuator: Actuator, duration: float) -> Recording:
     n = round(duration / SAMPLE_TIME)
     u = 2.4 + np.convolve(rng.uniform(-1.4, 1.4, n + 4), np.ones(5) / 2.2, "valid")
     noise = 2e-6 * rng.standard_normal(n)
-    thin = specification().rig.thickness / actuator.plant.rig.thickness  # type: ignore[attr-defined]
+    thin = specification().rig.thickness / actuator.plant.rig.thickness
     histories = set(actuator.plant.effect_names) - {"hysteresis", "electrode_loss"}
     gain = thin**4 * (1 + (0.4 if histories else 0.0) * np.linspace(-0.5, 0.5, n))
     y = np.zeros(n)
@@ -124,7 +122,7 @@ def polynomial(actuator: Actuator, duration: float) -> Recording:
 
 
 @pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+def quick(monkeypatch):
     """The story on polynomials, with few draws."""
     monkeypatch.setattr(study, "recorded", polynomial)
     monkeypatch.setattr(frequency_uncertainty, "PLAN", Plan(repeats=3, duration=300.0, data_sets=5))
@@ -139,7 +137,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("quick")
-def test_the_page_says_who_differs_and_who_drifts(setting: Setting, tmp_path: Path) -> None:
+def test_the_page_says_who_differs_and_who_drifts(setting, tmp_path):
     told: list[tuple[float, str]] = []
     setting = replace(setting, progress=lambda share, text: told.append((share, text)))
     result = frequency_uncertainty.run(setting)
@@ -168,7 +166,7 @@ def test_the_page_says_who_differs_and_who_drifts(setting: Setting, tmp_path: Pa
     assert result["spread"]["predicted"] == pytest.approx([abs((1 + share) ** -4 - 1) / np.sqrt(3)] * 4, rel=0.05)
 
 
-def test_linear_cases_are_propagated_as_they_are() -> None:
+def test_linear_cases_are_propagated_as_they_are():
     # The response of the linear system is b(z)/a(z); its covariance by finite differences of that.
     model = CASES[LINEAR].identify(np.random.default_rng(0))
     found = propagate(model, CASES[LINEAR].response(1))

@@ -17,7 +17,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def test_held_samples_act_like_the_band_limited_input(uncompiled: None) -> None:
+def test_held_samples_act_like_the_band_limited_input(uncompiled):
     # A multisine on a linear oscillator has a closed form; three periods let the start die out (damping 43 1/s).
     rig, count = silverbox.LinearOscillator(), 256
     plant = Plant(rig=rig)
@@ -34,7 +34,7 @@ def test_held_samples_act_like_the_band_limited_input(uncompiled: None) -> None:
     assert rms(readings(plant, np.real(phases @ angles))[last] - exact[last]) > 0.2 * rms(exact[last])
 
 
-def test_derivatives_of_a_sine() -> None:
+def test_derivatives_of_a_sine():
     step, omega = 1e-3, 2 * np.pi * 5
     timepts = step * np.arange(1000)
     values, first, second = derivatives(np.sin(omega * timepts), step, 20.0)
@@ -43,7 +43,7 @@ def test_derivatives_of_a_sine() -> None:
     assert second == pytest.approx(-(omega**2) * np.sin(omega * timepts), abs=1e-9 * omega**2)
 
 
-def test_bouc_wen_is_the_benchmark_s_own_spring(uncompiled: None) -> None:
+def test_bouc_wen_is_the_benchmark_s_own_spring(uncompiled):
     # The benchmark's equations and constants (Noël & Schoukens 2016), by an integrator of others.
     alpha, beta, gamma, delta = 5e4, 1e3, 0.8, -1.1
     rig = bouc_wen.LinearOscillator()
@@ -65,7 +65,7 @@ def test_bouc_wen_is_the_benchmark_s_own_spring(uncompiled: None) -> None:
     assert rms(found - ends) < 1e-3 * rms(np.array(ends))
 
 
-def test_without_hardening_it_is_the_catalogue_s(uncompiled: None) -> None:
+def test_without_hardening_it_is_the_catalogue_s(uncompiled):
     from deatwin.plant import Hysteresis
 
     rig = bouc_wen.LinearOscillator()
@@ -79,7 +79,7 @@ def _unbounded(kind: type) -> type:
     from deatwin.plant import Parameter
     from deatwin.plant.parameters import Scale
 
-    class Wide(kind):  # type: ignore[misc]
+    class Wide(kind):
         def describe(self) -> tuple[Parameter, ...]:
             return (
                 Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=1e3),
@@ -92,7 +92,7 @@ def _unbounded(kind: type) -> type:
     return Wide
 
 
-def test_tanks_with_a_brim(uncompiled: None) -> None:
+def test_tanks_with_a_brim(uncompiled):
     # The documented balances with overflow, by an integrator of others, from levels that are not at rest.
     rig = cascaded_tanks.Tanks()
     effect = cascaded_tanks.Overflow(rate=0.4, brim=10.0, caught=0.6)
@@ -118,7 +118,7 @@ def test_tanks_with_a_brim(uncompiled: None) -> None:
     assert np.abs(readings(plant, commands) - ends).max() < 5e-3
 
 
-def test_the_controlled_carriage_lags_a_ramp(uncompiled: None) -> None:
+def test_the_controlled_carriage_lags_a_ramp(uncompiled):
     # Steady motion: motor (gain_v (gain_p e - v)) = viscosity v - offset + friction, so e has a closed form.
     rig = emps.ControlledCarriage()
     friction = next(e for e in rig.effects() if e.name == "coulomb_friction")
@@ -132,7 +132,7 @@ def test_the_controlled_carriage_lags_a_ramp(uncompiled: None) -> None:
     assert found == pytest.approx(lag, rel=1e-4)
 
 
-def test_a_pulse_acts_as_volts_at_the_motor(uncompiled: None) -> None:
+def test_a_pulse_acts_as_volts_at_the_motor(uncompiled):
     rig = emps.ControlledCarriage()
     pushed = readings(Plant(rig=rig), np.zeros(800), pulse_V=np.full(800, 5.0))
     assert pushed[-1] == pytest.approx(5.0 / (243.45 * 160.18), rel=1e-3)
@@ -147,7 +147,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("story", CASES)
-def test_the_documented_physics_lowers_the_error_on_a_section(story: str) -> None:
+def test_the_documented_physics_lowers_the_error_on_a_section(story):
     # By how much at least is far from what it does on the whole records (0.08, 0.04, 0.26, 0.5): sections are poorer.
     module, folder, samples, share = CASES[story]
     own = module.case(recordings(folder))
@@ -159,17 +159,13 @@ def test_the_documented_physics_lowers_the_error_on_a_section(story: str) -> Non
     assert amended.rms < share * base.rms
 
 
-def test_nothing_that_judges_is_fitted() -> None:
+def test_nothing_that_judges_is_fitted():
     own = cascaded_tanks.case(recordings("cascaded_tanks"))
     fitted, judged = own.fitted[0].recordings[0].outputs, own.held_out[0].measured
     assert not np.array_equal(fitted[0][: judged.size], judged)
 
 
-def test_the_arrow_head_is_not_in_what_is_diagnosed() -> None:
-    assert silverbox.FITTED.start > silverbox.ARROW_HEAD.stop
-
-
-def test_the_rest_of_a_record_begins_where_the_fit_ends() -> None:
+def test_the_rest_of_a_record_begins_where_the_fit_ends():
     own = emps.case(recordings("emps"))
     assert own.held_out[1].first == own.fitted[0].recordings[0].n_samples
     assert own.held_out[1].measured.size + own.held_out[1].first == own.held_out[1].experiment.recordings[0].n_samples

@@ -1,7 +1,6 @@
 """The lessons' closed forms against independent ones, and the page on few experiments."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,11 +8,10 @@ from pages import story_page
 
 from deatwin.scenarios import regression_lessons
 from deatwin.scenarios.regression_lessons import constraint, occam, page, variance
-from deatwin.studies.stories import Setting
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_the_minimum_on_a_constraint_is_that_of_a_grid(seed: int) -> None:
+def test_the_minimum_on_a_constraint_is_that_of_a_grid(seed):
     rng = np.random.default_rng(seed)
     root = rng.standard_normal((2, 2))
     gram, least, size = root @ root.T + 0.1 * np.eye(2), 3 * rng.standard_normal(2), 0.8
@@ -30,7 +28,7 @@ def test_the_minimum_on_a_constraint_is_that_of_a_grid(seed: int) -> None:
         assert own == pytest.approx(errors.min(), rel=1e-6)  # the grid is 3e-5 rad wide
 
 
-def test_expected_log_evidence_is_a_mean() -> None:
+def test_expected_log_evidence_is_a_mean():
     # E ln N(y; 0, C) for y ~ N(m, s²) by many draws; the standard error is known from the draws.
     rng = np.random.default_rng(0)
     root = rng.standard_normal((5, 5))
@@ -46,7 +44,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(occam, "JUDGED", 10)
 
 
-def test_the_page(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page(setting, tmp_path, monkeypatch):
     few(monkeypatch)
     shares: list[float] = []
     result = regression_lessons.run(replace(setting, progress=lambda share, text: shares.append(share)))
@@ -57,7 +55,7 @@ def test_the_page(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert (tmp_path / "regression-lessons.json").is_file()
 
 
-def test_a_wrong_closed_form_does_not_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_closed_form_does_not_pass(monkeypatch):
     few(monkeypatch)
     degrees = variance.by_degree(np.random.default_rng(2))
     object.__setattr__(degrees, "bias", np.zeros_like(degrees.bias))

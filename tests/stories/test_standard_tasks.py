@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from deatwin.scenarios.real_physics.standard_tasks import STATES, Task
 from deatwin.studies.public.black_boxes import LINEAR
 from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.public.sources import data_folder
-from deatwin.studies.stories import Setting
 
 
 def drained(seed: int) -> Recording:
@@ -30,7 +28,7 @@ def drained(seed: int) -> Recording:
 
 
 @pytest.fixture
-def setting(setting: Setting, monkeypatch: pytest.MonkeyPatch) -> Setting:
+def setting(setting, monkeypatch):
     data = DataSet(
         name="drained",
         title="Drained tanks",
@@ -50,14 +48,14 @@ def setting(setting: Setting, monkeypatch: pytest.MonkeyPatch) -> Setting:
     return setting
 
 
-def test_a_state_space_begins_where_the_training_part_began(setting: Setting) -> None:
+def test_a_state_space_begins_where_the_training_part_began(setting):
     # One sample shows the lower level alone: the upper one is known of the training part.
     errors = {row["model"]: row["error"] for row in standard_tasks.run(setting)["errors"]}
     assert errors[STATES] < 1e-6
     assert list(errors) == [STATES, LINEAR]
 
 
-def test_an_interrupt_keeps_the_models_that_were_learned(setting: Setting) -> None:
+def test_an_interrupt_keeps_the_models_that_were_learned(setting):
     stop = StopAt(3)  # the second model has ended, perhaps before its time
     with pytest.raises(KeyboardInterrupt):
         standard_tasks.run(replace(setting, progress=stop))
@@ -71,7 +69,7 @@ def test_an_interrupt_keeps_the_models_that_were_learned(setting: Setting) -> No
     ]
 
 
-def test_one_worker_begins_with_the_shortest_and_several_with_the_longest() -> None:
+def test_one_worker_begins_with_the_shortest_and_several_with_the_longest():
     lengths = {"a": 1.0, "b": 60.0, "c": 0.2, "d": 50.0}
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(standard_tasks, "_length", lambda job: lengths[job[0]])
@@ -80,7 +78,7 @@ def test_one_worker_begins_with_the_shortest_and_several_with_the_longest() -> N
         assert [name for name, _ in standard_tasks._ordered(jobs, 2)] == ["b", "d", "a", "c"]
 
 
-def test_data_sets_that_are_not_at_hand_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_data_sets_that_are_not_at_hand_are_left_out(tmp_path, monkeypatch):
     there = drained(0)
     tasks = {"_silverbox": None, "_tanks": there, "_emps": None, "_bouc_wen": None}
     for maker, task in tasks.items():
@@ -96,6 +94,6 @@ def test_data_sets_that_are_not_at_hand_are_left_out(tmp_path: Path, monkeypatch
         standard_tasks.standard_tasks(tmp_path)
 
 
-def test_what_learned_no_model_has_no_size() -> None:
+def test_what_learned_no_model_has_no_size():
     outcome = standard_tasks.Outcome(data="drained", method="peer", seconds=0.0, failure="not installed")
     assert standard_tasks._size(outcome) == "–"

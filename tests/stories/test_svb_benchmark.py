@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,25 +16,24 @@ from deatwin.scenarios.svb_benchmark import draws, study
 from deatwin.scenarios.svb_benchmark.draws import METHODS, Contrast, Trial, consult, draw_of, system_of, try_out
 from deatwin.scenarios.svb_benchmark.page import judge
 from deatwin.scenarios.svb_benchmark.study import WHITE, Answer, Draws, Plan, Study, carry_out
-from deatwin.studies.stories import Setting
 
 SMALL = Plan(systems=("S2", "E1"), methods=("fro", "svb"), draws=1, swept_draws=1, sampled_draws=1, levels=(0.004,))
 
 
-def test_the_oracle_takes_the_best_threshold() -> None:
+def test_the_oracle_takes_the_best_threshold():
     # Right for thresholds in [1, 3), [2, 5), [4, 6) and never: at best two at once, first by 2.
     pairs = ((3.0, 1.0), (5.0, 2.0), (6.0, 4.0), (1.5, np.inf))
     found = consult([Margin(true=true, false=false) for true, false in pairs])
     assert (found.threshold, found.exact.hits, found.kept.hits) == (2.0, 2, 3)
 
 
-def test_draws_are_spawned_of_the_seed() -> None:
+def test_draws_are_spawned_of_the_seed():
     child = np.random.SeedSequence(3).spawn(4)[3].spawn(3)[2]  # the third draw of S4
     expected = system_of("S4").draw(np.random.default_rng(child)).recording.outputs
     np.testing.assert_array_equal(draw_of(system_of("S4"), 3, 2).recording.outputs, expected)
 
 
-def test_a_trial_counts_what_is_missed_and_what_is_false() -> None:
+def test_a_trial_counts_what_is_missed_and_what_is_false():
     told = try_out("S1", "fro-told", 0, 0)  # known: forward regression takes y(k-4) and u(k-4) on S1
     assert {"y(k-4)", "u(k-4)"} <= set(told.terms)
     assert (told.missed, told.false, told.exact, told.kept) == (2, 2, False, False)
@@ -58,7 +56,7 @@ def wrong(system: str, method: str, number: int) -> Trial:
     )
 
 
-def test_methods_that_are_always_wrong_do_not_pass() -> None:
+def test_methods_that_are_always_wrong_do_not_pass():
     plan = Plan()
     margin = Margin(true=5.0, false=1.0)
     contrast = Contrast(full=margin, near=margin, redraws=0, snr_db=20.0, condition=10.0)
@@ -75,7 +73,7 @@ def test_methods_that_are_always_wrong_do_not_pass() -> None:
     assert not any(row.passed for row in rows)
 
 
-def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_is_whole(setting, tmp_path, monkeypatch):
     monkeypatch.setattr(svb_benchmark, "PLAN", SMALL)
     monkeypatch.setattr(draws, "FLIPS", 1000)
     shares: list[float] = []
@@ -89,7 +87,7 @@ def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest
     assert len(lines) == 1 + 2 * 2
 
 
-def test_draws_of_another_seed_plan_or_code_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_draws_of_another_seed_plan_or_code_are_refused(tmp_path, monkeypatch):
     plan = asdict(SMALL)
     Draws(tmp_path, 0, plan)
     with pytest.raises(DataError, match=r"another seal \(seed: 0 there, 1 now\)"):
@@ -101,14 +99,14 @@ def test_draws_of_another_seed_plan_or_code_are_refused(tmp_path: Path, monkeypa
         Draws(tmp_path, 0, plan)
 
 
-def test_a_malformed_case_is_told_of_before_any_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_malformed_case_is_told_of_before_any_is_run(tmp_path, monkeypatch):
     Draws(tmp_path, 0, asdict(SMALL)).put("S2-000", {"trials": [{"system": "S2"}]})
     monkeypatch.setattr(study, "_answered", lambda *_: pytest.fail("a case was run"))
     with pytest.raises(DataError, match=r"S2-000\.\w+: it must hold a case .*; delete it, and it is run again"):
         carry_out(tmp_path, 0, SMALL, jobs=1, tell=lambda *_: None)
 
 
-def test_an_answer_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
+def test_an_answer_comes_back_from_its_file_as_it_was(tmp_path):
     never = Contrast(
         full=Margin(true=5.0, false=math.inf),
         near=Margin(true=1 / 3, false=1.0),
@@ -125,7 +123,7 @@ def test_an_answer_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
     np.testing.assert_array_equal(back.covered["least squares"], flags)
 
 
-def test_an_interrupted_fit_is_no_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_fit_is_no_trial(monkeypatch):
     # Identifiers keep their best when interrupted and return; the study must not take that for a result and go on.
     def fit(self: Frols, recordings: object) -> Frols:
         self.model_, self.status_ = system_of("S2").model, FitStatus.INTERRUPTED

@@ -1,24 +1,19 @@
-"""The measures of the story on signals whose answer is known, and its page on recordings that are made up."""
+"""The measures of the story on signals whose answer is known, and on recordings that are made up."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from pages import story_page
 
-from deatwin.app.stories import story
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
-from deatwin.scenarios import thesis_data
 from deatwin.scenarios.thesis_data.page import judge
 from deatwin.scenarios.thesis_data.study import RATES, Bench, Loop, SmallVoltages, Study, cycle, side_bands
-from deatwin.studies.stories import Setting
 
 STEP = 0.02
 
 
-def test_a_linear_plant_of_drifting_gain_makes_side_bands() -> None:
+def test_a_linear_plant_of_drifting_gain_makes_side_bands():
     found = side_bands()
     np.testing.assert_allclose(found.reached, found.expected, rtol=1e-6)
     assert found.superposition < 1e-13
@@ -27,7 +22,7 @@ def test_a_linear_plant_of_drifting_gain_makes_side_bands() -> None:
     assert side_bands(depth=0.0).outputs[off].max() < 1e-6
 
 
-def test_triangles_of_a_loop_follow_each_other() -> None:
+def test_triangles_of_a_loop_follow_each_other():
     pieces = cycle(0.01, STEP).recordings
     assert [p.start for p in pieces] == pytest.approx([0.0, 10.0, 20.0])
     assert pieces[-1].duration == pytest.approx(100.0)
@@ -49,13 +44,8 @@ def made_up(readings: Any) -> Study:
     return Study(benches=tuple(benches), loops=loops, elastic_loops=loops)
 
 
-@pytest.fixture(scope="module")
-def straight() -> Study:
-    return made_up(lambda u: 2e-4 * (u - 1.0))
-
-
-def test_actuators_that_do_nothing_of_it_do_not_pass(straight: Study) -> None:
-    rows = {row.measure: row for row in judge(straight)}
+def test_actuators_that_do_nothing_of_it_do_not_pass():
+    rows = {row.measure: row for row in judge(made_up(lambda u: 2e-4 * (u - 1.0)))}
     assert [row.passed for row in rows.values() if "straight line" in row.measure] == [True]
     others = [row for row in rows.values() if "straight line" not in row.measure]
     steady = [row for row in others if "steady" in row.demanded]
@@ -63,18 +53,7 @@ def test_actuators_that_do_nothing_of_it_do_not_pass(straight: Study) -> None:
     assert not any(row.passed for row in others if row not in steady), [row for row in others if row.passed]
 
 
-def test_the_page_says_what_was_demanded_and_what_not_reached(
-    straight: Study, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_small_voltages_have_their_exponents():
     volts = np.array([40.0, 80.0, 160.0])
     rest = SmallVoltages(voltages=volts, displacements=1e-10 * volts**2, visible=140.0)
     np.testing.assert_allclose(rest.exponents, 2.0)
-    monkeypatch.setattr(thesis_data, "carry_out", lambda *_, **__: straight)
-    monkeypatch.setattr(thesis_data, "small_voltages", lambda *_: rest)
-    result = story("thesis-data").run(setting)
-    names = ("excitation", "curve", "recordings", "drifts", "spectra", "small", "side_bands")
-    page = story_page(tmp_path, names, drawn=8)
-    assert f'<span class="verdict bad">{sum(m["passed"] for m in result["measures"])} of' in page
-    for number in range(1, 7):
-        assert (tmp_path / f"recordings/dea{number}.csv").is_file()
-    assert "140 V" in page

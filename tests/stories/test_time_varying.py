@@ -1,7 +1,6 @@
 """The steps of the story on systems whose answer is known, and its page on an actuator that is made up."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,10 +14,9 @@ from deatwin.scenarios import time_varying
 from deatwin.scenarios.time_varying import study
 from deatwin.scenarios.time_varying.measures import judge
 from deatwin.scenarios.time_varying.study import Driven, Study, analyse, covered, follow, frozen_run
-from deatwin.studies.stories import Setting
 
 
-def test_the_effect_of_a_moving_constant_in_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_effect_of_a_moving_constant_in_closed_form(monkeypatch):
     monkeypatch.setattr(study, "TIMES", 20)
     # y = c + a y + q y² has the root below; about it the pole is a + 2 q ybar, so H_1 = b / (e^jw - a - 2 q ybar).
     found = study.known_systems((), (), [{1: np.ones((1, 1), bool), 2: np.ones((1, 1), bool)}])
@@ -33,7 +31,7 @@ def test_the_effect_of_a_moving_constant_in_closed_form(monkeypatch: pytest.Monk
     assert np.ptp(found.held[3].gain) < 1e-12 < np.ptp(found.solved[3].gain)
 
 
-def test_tones_measure_the_response_of_a_system_that_stands_still() -> None:
+def test_tones_measure_the_response_of_a_system_that_stands_still():
     # H_2(w, w) of y = a y1 + b u1 + q y1² is q H_1(w)² e^-2jw / (1 - a e^-2jw); what amplitude adds is 1e-5 of it.
     truth = MOVING_DC.truth(duration=60.0)
     still = replace(truth, theta=np.repeat(np.array([[0.0], [0.7], [0.5], [-0.15]]), truth.timepts.size, axis=1))
@@ -46,7 +44,7 @@ def test_tones_measure_the_response_of_a_system_that_stands_still() -> None:
     np.testing.assert_allclose(study._probed(still, omega, 2)[late], second, rtol=1e-4)
 
 
-def test_slow_variation_is_estimated_and_corrected(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_variation_is_estimated_and_corrected(monkeypatch):
     monkeypatch.setattr(study, "TIMES", 60)
     for system, count in ((RESONANCE, 1), (MOVING_DC, 2)):
         runs = frozen_run(system, 4.0)
@@ -56,7 +54,7 @@ def test_slow_variation_is_estimated_and_corrected(monkeypatch: pytest.MonkeyPat
             assert run.corrected < 0.5 * run.error
 
 
-def test_walks_are_covered_or_not() -> None:
+def test_walks_are_covered_or_not():
     rng = np.random.default_rng(1)
     walk = drawn_walk({"1": 2.0, "y(k-1)": 0.5}, (0.0, 0.3), 4000, rng)
     assert np.ptp(walk.theta[0]) == 0.0
@@ -68,7 +66,7 @@ def test_walks_are_covered_or_not() -> None:
 
 
 @pytest.fixture(scope="module")
-def made() -> Study:
+def made():
     """A study of made-up actuators, drifting but for the last, and of known systems on coarse maps."""
     with pytest.MonkeyPatch.context() as patch:
         structure = tuple(generate_terms(1, (0, 1), 3, rule=linear_in_output))
@@ -93,7 +91,7 @@ def _analysed(name: str, drift: float, drawn: bool) -> Driven:
     return analyse(name, record, record, drawn=drawn)
 
 
-def test_known_systems_are_followed(made: Study) -> None:
+def test_known_systems_are_followed(made):
     for one in made.known.followed:
         assert one.covered.min() > 0.85
         assert one.error("H1") < 0.05
@@ -101,7 +99,7 @@ def test_known_systems_are_followed(made: Study) -> None:
         made.known.followed[0].error("H2")
 
 
-def test_what_does_not_hold_fails(made: Study) -> None:
+def test_what_does_not_hold_fails(made):
     rows = {row.measure: row.passed for row in judge(made)}
     assert len(rows) == len(judge(made))
     held_up = [passed for measure, passed in rows.items() if "last tenth" in measure or "G_1 U_1" in measure]
@@ -114,9 +112,7 @@ def test_what_does_not_hold_fails(made: Study) -> None:
     assert [row.passed for row in judge(swapped) if "last tenth" in row.measure] == [False]
 
 
-def test_the_page_shows_all_of_it(
-    made: Study, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_shows_all_of_it(made, setting, tmp_path, monkeypatch):
     monkeypatch.setattr(time_varying, "carry_out", lambda *_, **__: made)
     result = time_varying.run(setting)
     page = story_page(

@@ -24,7 +24,6 @@ from deatwin.scenarios.unexplained_drift.score import Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, concealed_in, opened
 from deatwin.scenarios.unexplained_drift.study import VISITS, Answers, Case, Finding, Study, Track, carry_out, case_of
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting
 from deatwin.studies.sweep.seal import SweepSeal
 
 
@@ -65,7 +64,7 @@ def interval(value: float, reach: float, unit: str) -> Interval:
 RELAXED = {"prestretch_relaxation": {"relative_loss": interval(0.05, 0.02, "1"), "time": interval(700.0, 100.0, "s")}}
 
 
-def test_what_the_diagnosis_is_given_says_nothing_of_the_drift() -> None:
+def test_what_the_diagnosis_is_given_says_nothing_of_the_drift():
     actuator = fleet(5)[5]
     case = case_of(actuator)
     assert case.plant.effect_names == ("hysteresis",)
@@ -80,7 +79,7 @@ def test_what_the_diagnosis_is_given_says_nothing_of_the_drift() -> None:
     assert early.max() < 5 * np.sqrt(2) * 0.7e-6 < late.max()
 
 
-def test_the_key_lists_what_the_specification_has_not() -> None:
+def test_the_key_lists_what_the_specification_has_not():
     key = Key.of(fleet(5))
     assert {name: tuple(sorted(drift)) for name, drift in key.drifts.items()} == {
         "DEA 1": ("grease_ridge", "permittivity_drift"),
@@ -101,7 +100,7 @@ def sealed_folder(folder: Path, seed: int = 5, **changed: Any) -> Path:
     return folder
 
 
-def test_a_sealed_key_says_nothing_and_is_opened_from_its_seed(tmp_path: Path) -> None:
+def test_a_sealed_key_says_nothing_and_is_opened_from_its_seed(tmp_path):
     key = Key.of(fleet(5))
     text = (sealed_folder(tmp_path) / "seal.json").read_text(encoding="utf-8")
     assert {len(json.loads(text)["parts"][part]) for part in ("key", "thresholds", "code")} == {64}
@@ -119,7 +118,7 @@ def test_a_sealed_key_says_nothing_and_is_opened_from_its_seed(tmp_path: Path) -
         opened(tmp_path, 5)
 
 
-def test_drifts_thresholds_and_code_that_change_break_the_seal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_drifts_thresholds_and_code_that_change_break_the_seal(tmp_path, monkeypatch):
     sealed_folder(tmp_path)
     first, second, *others = fleet(5)
     sound = second.plant.without_effects("prestretch_relaxation")
@@ -144,9 +143,7 @@ def test_drifts_thresholds_and_code_that_change_break_the_seal(tmp_path: Path, m
         opened(tmp_path, 5)
 
 
-def test_the_story_is_sealed_before_the_first_diagnosis_and_opened_from_the_file(
-    setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_story_is_sealed_before_the_first_diagnosis_and_opened_from_the_file(setting, tmp_path, monkeypatch):
     def tampering(answers: Answers, *_: Any) -> Study:
         sealed_folder(answers.folder, seed=0, key="0" * 64)
         return made([finding(diagnosis(Verdict.NAMED, RELAXED), name) for name in Key.of(fleet(0)).drifts])
@@ -175,13 +172,13 @@ def made(findings: list[Finding]) -> Study:
         ("DEA 2", diagnosis(Verdict.NONE, {}), Mark.OPEN),
     ],
 )
-def test_marks(name: str, answer: Diagnosis, mark: Mark) -> None:
+def test_marks(name, answer, mark):
     (score,) = judged([finding(answer, name)], Key.of(fleet(5)))
     assert score.mark is mark
     assert mark.advice
 
 
-def test_intervals_are_held_against_the_truth() -> None:
+def test_intervals_are_held_against_the_truth():
     (score,) = judged([finding(diagnosis(Verdict.NAMED, RELAXED))], Key.of(fleet(5)))
     assert {e.name: (e.truth, e.covered) for e in score.estimates} == {
         "relative_loss": (0.06, True),
@@ -200,7 +197,7 @@ def group(sizes: Any, name: str = "creep") -> Group:
     return Group(name=name, assumption="as made up", histories=FRESH, drifts=tuple(map(drift, sizes)))
 
 
-def test_intervals_of_spread_and_of_one_more_hold_what_they_should() -> None:
+def test_intervals_of_spread_and_of_one_more_hold_what_they_should():
     # Normal shifts: of 2000 trials each interval holds the truth in 95 %, to within three binomial standard
     # deviations (1.5 %).
     rng = np.random.default_rng(8)
@@ -214,13 +211,13 @@ def test_intervals_of_spread_and_of_one_more_hold_what_they_should() -> None:
     assert excluded / 2000 == pytest.approx(0.05, abs=0.015)
 
 
-def test_an_uncertain_shift_is_not_ruled_out() -> None:
+def test_an_uncertain_shift_is_not_ruled_out():
     sample = group([19e-6, 20e-6, 21e-6, 20e-6, 19e-6, 21e-6])
     assert sample.rules_out(drift(30e-6, 1e-6))
     assert not sample.rules_out(drift(30e-6, 5e-6))
 
 
-def test_relaxation_repeats_less_with_age_as_its_exponential_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_relaxation_repeats_less_with_age_as_its_exponential_says(monkeypatch):
     # A loss that is small moves the mean in proportion: what an experiment sees of a exp(-t/τ) falls by exp(-T/τ) when
     # it begins T later. Of 0.5 % the first 500 s take 0.2 %; the stroke goes with up to the fifth power of the
     # tension, so the second shift is up to 1 % larger than in proportion. Neither has noise.
@@ -231,7 +228,7 @@ def test_relaxation_repeats_less_with_age_as_its_exponential_says(monkeypatch: p
     assert aged / fresh == pytest.approx(np.exp(-0.5), rel=0.02)
 
 
-def test_without_a_drift_nothing_shifts_but_by_the_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_drift_nothing_shifts_but_by_the_sensor(monkeypatch):
     monkeypatch.setattr(repeatability, "SPAN", 60.0)
     found = drift_of(specification(), History(), (1, 2))
     # The sensor: 0.61 µm of noise and rounding in each of the 750 differences.
@@ -240,7 +237,7 @@ def test_without_a_drift_nothing_shifts_but_by_the_sensor(monkeypatch: pytest.Mo
     assert abs(found.gain) < 3 * found.gain_error
 
 
-def test_shift_and_gain_of_a_line_with_known_noise() -> None:
+def test_shift_and_gain_of_a_line_with_known_noise():
     # y₂ = 1.1 y₁ + 5 µm: mean and slope in closed form; errors against the scatter of 400 repeats, which is known to
     # 1/√800 = 3.5 %: three times that.
     rng = np.random.default_rng(4)
@@ -267,7 +264,7 @@ def five(unlike: float) -> tuple[Group, ...]:
     )
 
 
-def test_the_argument_holds_or_fails_with_the_histories() -> None:
+def test_the_argument_holds_or_fails_with_the_histories():
     assert [row.passed for row in repeatability.rows_of(five(unlike=20e-6))] == [True] * 4
     assert [row.passed for row in repeatability.rows_of(five(unlike=2e-6))] == [True, False] * 2
     assert "creep of a known size in 6 and relaxation in 5 of the six" in repeatability.sentence_of(five(unlike=20e-6))
@@ -277,7 +274,7 @@ def test_the_argument_holds_or_fails_with_the_histories() -> None:
     assert excluded[3] == "DEA 1, DEA 3, DEA 4, DEA 5, DEA 6"
 
 
-def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_is_whole(setting, tmp_path, monkeypatch):
     key = Key.of(fleet(0))
     answers = [finding(diagnosis(Verdict.NAMED, RELAXED), name) for name in key.drifts]
     answers[3] = finding(diagnosis(Verdict.UNKNOWN, {}), "DEA 4")
@@ -327,7 +324,7 @@ def begun(folder: Path) -> Counter[str]:
     return Counter((folder / "begun.log").read_text().split())
 
 
-def test_a_story_is_gone_on_with_and_no_case_is_repeated(tmp_path: Path) -> None:
+def test_a_story_is_gone_on_with_and_no_case_is_repeated(tmp_path):
     """Of two cases nothing is kept, and of one the report is gone: they are run again, and no other one is."""
     expected = noted(tmp_path)
     assert begun(tmp_path) == dict.fromkeys(NAMES, 1)
@@ -344,15 +341,8 @@ def test_a_story_is_gone_on_with_and_no_case_is_repeated(tmp_path: Path) -> None
     assert found.files == expected.files == tuple(f"diagnoses/dea{n}/report.html" for n in range(1, 7))
 
 
-def test_a_malformed_case_is_one_clear_error(tmp_path: Path) -> None:
-    answers = Answers(tmp_path, SweepSeal(schema="deatwin/test-case/1", parts={"seed": 0}))
-    answers.put("argument-03", {"drift": {"shift": 1.0}})
-    with pytest.raises(DataError, match=r"argument-03\.\w+: it must hold a case .*; delete it, and it is run again"):
-        carry_out(answers, 0, (), 1, lambda *_: pytest.fail("cases are run"))
-
-
 @pytest.mark.study
-def test_the_story(setting: Setting, tmp_path: Path) -> None:
+def test_the_story(setting, tmp_path):
     result = unexplained_drift.run(replace(setting, jobs=2))
     assert len(result["answers"]) == 6
     assert not [a for a in result["answers"] if a["mark"] == "wrong"]

@@ -8,18 +8,17 @@ import numpy as np
 import pytest
 
 from deatwin.app.stories import story
-from deatwin.ident.mismatch import Diagnosis, diagnose
+from deatwin.ident.mismatch import diagnose
 from deatwin.plant import Experiment, Plant
 from deatwin.plant.sources import load_plant
 from deatwin.scenarios import your_own_rig
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, Car, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
-from deatwin.scenarios.your_own_rig.roads import Drives, bumps, concealed, record, rough_road, unread
+from deatwin.scenarios.your_own_rig.roads import bumps, concealed, record, rough_road, unread
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting
 
 STEP = plant().rig.sample_time
-OTHERS = {"quadratic_damping", "coulomb_friction", "cubic_stiffness", "hysteresis", "delay", "sensor_drift"}
+OTHERS = {"quadratic_damping", "coulomb_friction", "cubic_stiffness"}
 """The drag and some that could be taken for it; the story itself asks for the whole catalogue."""
 
 
@@ -30,7 +29,7 @@ def travel(car: Plant, road: np.ndarray) -> np.ndarray:
 pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
-def test_a_slow_wave_has_the_response_of_two_masses() -> None:
+def test_a_slow_wave_has_the_response_of_two_masses():
     # Linear, 1 Hz: (k + c s) T = -m s² B for the body, tyre (road - W) = m s² B + w s² W for both, T = B - W.
     p = {name: q.value for name, q in plant().parameters.items()}
     s = 2j * np.pi
@@ -45,7 +44,7 @@ def test_a_slow_wave_has_the_response_of_two_masses() -> None:
     assert np.abs(travel(plant(), road)[last] - expected[last]).max() < 2e-3 * np.abs(expected).max()
 
 
-def test_both_integrators_move_the_same_car() -> None:
+def test_both_integrators_move_the_same_car():
     road = bumps(STEP)[:300]  # the first bump
     elsewhere, speed, force = drive(CAR, road, STEP)
     assert np.abs(travel(concealed(), road) - elsewhere).max() < 0.01 * plant().rig.noise
@@ -55,9 +54,7 @@ def test_both_integrators_move_the_same_car() -> None:
     assert force[np.argmax(speed)] == pytest.approx(-CAR.orifice * speed.max() ** 2)
 
 
-def test_the_user_s_file_is_a_plant_on_the_command_line_and_short(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_user_s_file_is_a_plant_on_the_command_line_and_short(tmp_path, monkeypatch):
     source = Path(sys.modules[plant.__module__].__file__ or "").read_text(encoding="utf-8")
     assert len(source.splitlines()) <= 55
     (tmp_path / "a_car.py").write_text(source, encoding="utf-8")
@@ -66,30 +63,28 @@ def test_the_user_s_file_is_a_plant_on_the_command_line_and_short(
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> Drives:
+def driven(tmp_path_factory):
     rng = np.random.default_rng(0)
     folder = ResultFolder(tmp_path_factory.mktemp("drives"))
     return record("elsewhere", folder, (rough_road(rng, STEP, 8.0), bumps(STEP)), rng)
 
 
 @pytest.fixture(scope="module")
-def diagnosis(driven: Drives) -> Diagnosis:
+def diagnosis(driven):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DEATWIN_COMPILER", "")
         some = [e for e in plant().rig.effects() if e.name in OTHERS]
         return diagnose(plant(), [Experiment(recordings=(driven.rough,))], effects=some, jobs=1, seed=0)
 
 
-def test_the_drag_of_another_integrator_is_named(diagnosis: Diagnosis) -> None:
+def test_the_drag_of_another_integrator_is_named(diagnosis):
     assert diagnosis.verdict.value == "named"
     assert [cause.effect for cause in diagnosis.causes] == ["quadratic_damping"]
     found = diagnosis.causes[0].parameters["coefficient"]
     assert found.unit == "N s2/m2" and found.low <= CAR.orifice <= found.high
 
 
-def test_the_page_is_a_notebook_with_the_file(
-    driven: Drives, diagnosis: Diagnosis, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_is_a_notebook_with_the_file(driven, diagnosis, setting, tmp_path, monkeypatch):
     monkeypatch.setattr(your_own_rig, "diagnosed", lambda *_: diagnosis)
     monkeypatch.setattr(your_own_rig, "DRIVERS", dict.fromkeys(("here", "elsewhere"), lambda *_: driven))
     result = story("your-own-rig").run(setting)
@@ -105,9 +100,7 @@ def test_the_page_is_a_notebook_with_the_file(
     assert {file.stem for file in (tmp_path / "figures").glob("*.csv")} == {"agreement", "held_out", "residuals", "law"}
 
 
-def test_a_page_that_finds_nothing_says_so(
-    driven: Drives, setting: Setting, monkeypatch: pytest.MonkeyPatch, diagnosis: Diagnosis
-) -> None:
+def test_a_page_that_finds_nothing_says_so(driven, setting, monkeypatch, diagnosis):
     blind = replace(diagnosis, causes=())
     monkeypatch.setattr(your_own_rig, "diagnosed", lambda *_: blind)
     monkeypatch.setattr(your_own_rig, "DRIVERS", dict.fromkeys(("here", "elsewhere"), lambda *_: driven))

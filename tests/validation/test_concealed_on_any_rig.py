@@ -256,7 +256,7 @@ SEED = 20261127
 
 @pytest.mark.study
 @pytest.mark.parametrize("number", range(20))
-def test_nothing_is_named_wrongly(number: int) -> None:
+def test_nothing_is_named_wrongly(number):
     case = cases(SEED)[0][number]
     _, found = case.diagnosed()
     named = [cause.effect for cause in found.causes] if found.verdict.value in ("named", "partly") else [case.effect]
@@ -265,6 +265,6 @@ def test_nothing_is_named_wrongly(number: int) -> None:
 
 @pytest.mark.study
 @pytest.mark.parametrize("number", range(8))
-def test_nothing_is_named_where_nothing_is_concealed(number: int) -> None:
+def test_nothing_is_named_where_nothing_is_concealed(number):
     _, found = cases(SEED)[1][number].diagnosed()
     assert not found.causes, found.sentence

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -13,13 +12,12 @@ from deatwin.scenarios import control_check
 from deatwin.scenarios.control_check import study
 from deatwin.scenarios.control_check.concealed import EFFECTS
 from deatwin.scenarios.control_check.tracking import track
-from deatwin.studies.stories import Setting
 
 OTHER_SEEDS = [pytest.param(seed, marks=pytest.mark.study) for seed in (1, 2, 3, 4, 5, 6)]
 
 
 @pytest.mark.parametrize("seed", [0, *OTHER_SEEDS])
-def test_the_inverse_tracks_five_times_better_at_equal_margins_and_within_twice_the_oracle(seed: int) -> None:
+def test_the_inverse_tracks_five_times_better_at_equal_margins_and_within_twice_the_oracle(seed):
     tracking = track("nominal rig", Plant(rig=Diaphragm()), np.random.default_rng(seed))
     alone = tracking.tracked["PI"]
     for name in ("inverse", "inverse with dynamics"):
@@ -33,7 +31,7 @@ def test_the_inverse_tracks_five_times_better_at_equal_margins_and_within_twice_
 
 
 @pytest.mark.study
-def test_the_story_with_few_trials(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_story_with_few_trials(setting, tmp_path, monkeypatch):
     monkeypatch.setattr(study, "SIZES", {"short": 2})
     monkeypatch.setattr(study, "EFFECTS", MappingProxyType({"electrode_rc": EFFECTS["electrode_rc"]}))
     told: list[float] = []

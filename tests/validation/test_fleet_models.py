@@ -7,20 +7,16 @@ times its error) and missed with seed 1 (1.18): SVB looks one step ahead only. T
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from deatwin.app.stories import story
 from deatwin.ident.narx import NarxModel
-from deatwin.studies.stories import Setting
 
 
 @pytest.mark.study
 @pytest.mark.parametrize(("name", "method", "seed"), [("semp-fleet", "SEMP", 0), ("svb-fleet", "SVB", 1)])
-def test_six_models_pass_all_but_correlation_tests(
-    name: str, method: str, seed: int, setting: Setting, tmp_path: Path
-) -> None:
+def test_six_models_pass_all_but_correlation_tests(name, method, seed, setting, tmp_path):
     setting = replace(setting, jobs=2, seed=seed)
     result = story(name).run(setting)
     missed = [row["measure"] for row in result["measures"] if not row["passed"]]

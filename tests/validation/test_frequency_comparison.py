@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from needs import COMPILED
 
 from deatwin.ident.frequency.comparison.compare import Agreement
 from deatwin.ident.frequency.comparison.records import compare_records
@@ -16,9 +17,8 @@ from deatwin.ident.narx.fleet.records import RECORDED, STEADY, as_variant, thinn
 from deatwin.ident.narx.rules import AtMost
 from deatwin.plant import Recording
 from deatwin.plant.fleet import Actuator, fleet
-from deatwin.plant.integrator.compiled import compiler
 
-pytestmark = pytest.mark.skipif(compiler() is None, reason="many simulations: without a C compiler they take minutes")
+pytestmark = COMPILED
 TERMS = generate_terms(1, (0, 1), 3, rule=AtMost(output=1))
 ORDERS = (1, 2, 3)
 BANDS = ((0.0, 0.1), (0.1, 0.3), (0.3, 0.6), (0.6, 1.0))

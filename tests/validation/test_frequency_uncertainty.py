@@ -124,14 +124,14 @@ def assert_within(model: NarxModel, quantity: Quantity, seed: int, n_draws: int 
 
 
 @pytest.mark.parametrize("name", ["H_1", "H_2", "H_3", "Y_2"])
-def test_covariance_is_within_the_simultaneous_band_of_draws(name: str) -> None:
+def test_covariance_is_within_the_simultaneous_band_of_draws(name):
     assert_within(identified(1, LONG), QUANTITIES[name], seed=2)
 
 
 @pytest.mark.study
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("name", QUANTITIES)
-def test_covariances_of_many_data_sets_are_within_the_band(name: str, seed: int) -> None:
+def test_covariances_of_many_data_sets_are_within_the_band(name, seed):
     assert_within(identified(100 + seed, LONG), QUANTITIES[name], seed=200 + seed)
 
 
@@ -164,14 +164,14 @@ def coverage_of_narx(sets: int, seed: int, n: int = 500) -> dict[str, Array]:
     return {name: np.mean(rows, axis=0) for name, rows in flags.items()}
 
 
-def test_ellipses_of_identified_models_hold_the_truth() -> None:
+def test_ellipses_of_identified_models_hold_the_truth():
     """100 data sets: shares of 95 % have a standard deviation of 2.2 % at most; 3.5 of these over all frequencies."""
     for shares in coverage_of_narx(100, seed=21).values():
         assert abs(shares.mean() - 0.95) < 0.076
 
 
 @pytest.mark.study
-def test_coverage_over_a_thousand_data_sets() -> None:
+def test_coverage_over_a_thousand_data_sets():
     """92 to 98 % at each frequency: 4.3 standard deviations of the share (0.7 %)."""
     for name, shares in coverage_of_narx(1000, seed=22).items():
         assert shares.min() >= 0.92 and shares.max() <= 0.98, (name, shares)
@@ -239,7 +239,7 @@ def hit_rates(found: list[Case], slack: float) -> tuple[float, float, float]:
     return float(right), float(wrong), float(stats.spearmanr(index, off).statistic)
 
 
-def test_index_tells_where_the_ellipse_fails() -> None:
+def test_index_tells_where_the_ellipse_fails():
     """2000 draws: the share of a right ellipse is known to 0.5 %, so that the ranks of right ones are noise."""
     found = list(cases(48, 2000, seed=31))
     assert len(found) > 100
@@ -248,7 +248,7 @@ def test_index_tells_where_the_ellipse_fails() -> None:
 
 
 @pytest.mark.study
-def test_index_tells_where_the_ellipse_fails_over_many_models() -> None:
+def test_index_tells_where_the_ellipse_fails_over_many_models():
     """20,000 draws: the share is known to 0.15 %."""
     found = list(cases(400, DRAWS, seed=32))
     assert len(found) > 1000

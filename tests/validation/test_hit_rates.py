@@ -12,13 +12,12 @@ from deatwin.ident.parallel import run_jobs
 from deatwin.scenarios.svb_benchmark import run
 from deatwin.scenarios.svb_benchmark.draws import compare, covered, try_out
 from deatwin.scenarios.svb_benchmark.study import VARIATIONAL, WHITE
-from deatwin.studies.stories import Setting
 
 SEED = 11
 
 
 @pytest.mark.parametrize("estimator", ["least squares", VARIATIONAL])
-def test_intervals_cover(estimator: str) -> None:
+def test_intervals_cover(estimator):
     # 92 to 98 % of at least 500 parameters. Of 800 the standard deviation is 0.77 %, so that intervals that are right
     # pass in 9999 of 10,000 cases.
     flags = run_jobs(covered, [(system, estimator, SEED, number) for system in WHITE for number in range(40)])
@@ -27,14 +26,14 @@ def test_intervals_cover(estimator: str) -> None:
     assert 0.92 <= inside.mean() <= 0.98
 
 
-def test_a_noise_model_makes_the_intervals_of_coloured_noise_cover() -> None:
+def test_a_noise_model_makes_the_intervals_of_coloured_noise_cover():
     estimator = "least prediction error, true noise terms"
     flags = run_jobs(covered, [("S5", estimator, SEED, number) for number in range(60)])
     inside = np.concatenate(flags)
     assert 0.91 <= inside.mean() <= 0.985  # of 240: three standard deviations of 1.4 %, on the lower side
 
 
-def test_a_sampler_of_structures_agrees_on_s4() -> None:
+def test_a_sampler_of_structures_agrees_on_s4():
     (found,) = run_jobs(compare, [("S4", "svb", SEED, 0)])
     assert found.unsettled < 0.01
     assert found.agrees, (found.sampled, found.chosen)
@@ -45,14 +44,14 @@ def test_a_sampler_of_structures_agrees_on_s4() -> None:
 # least 9 of 12 (8 of 12) with a probability of 0.998 (0.996).
 @pytest.mark.parametrize(("method", "least"), [("semp", 9), ("svb", 8), ("svb-clean", 8)])
 @pytest.mark.parametrize("system", ["S2", "S3", "S4"])
-def test_structures_are_found(system: str, method: str, least: int) -> None:
+def test_structures_are_found(system, method, least):
     trials = run_jobs(try_out, [(system, method, SEED, number) for number in range(12)])
     assert all(trial.kept for trial in trials)
     assert sum(trial.exact for trial in trials) >= least
 
 
 @pytest.mark.study
-def test_all_stated_measures_are_reached(setting: Setting) -> None:
+def test_all_stated_measures_are_reached(setting):
     result = run(replace(setting, jobs=2))
     assert len(result["measures"]) >= 20
     # Known: on S6 the clean-up keeps every true term in about 87 of 100 draws, the stricter of two oracles in 93.

@@ -12,11 +12,11 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from needs import COMPILED
 from scipy.optimize import curve_fit
 
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.files import read_recording
-from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.rest import RestState, rest_state
 
 GRAVITY = 9.80665
@@ -183,7 +183,7 @@ def test_the_reduced_plant_creeps_as_fast_as_the_fine_one(first, last):
     assert times[1] == pytest.approx(times[0], rel=0.02)  # as much as its displacements may err
 
 
-@pytest.mark.skipif(compiler() is None, reason="thousands of samples of some hundred unknowns")
+@COMPILED
 def test_it_makes_the_readings_of_another_finite_element_rig(tmp_path):
     # Its own program, integrator, 26 linear elements and another flow rule; 2 µm of noise. In quadrature that
     # leaves 0.7 µm, 1 % of the motion, to meshes and flow rules.

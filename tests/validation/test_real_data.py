@@ -1,7 +1,6 @@
 """Free runs on public recordings: SysIdentPy's converter, the Silverbox, the tanks and the positioning system."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +10,9 @@ from deatwin.ident.narx import NarxModel
 from deatwin.scenarios.real_data import DOCUMENTED, LARGEST_ERROR, MOST_TERMS, SETS, documented_errors, judge, run
 from deatwin.studies.public.black_boxes import FROLS, GROWN, LINEAR, REFINED, SEMP, Outcome, attempt
 from deatwin.studies.public.records import buck, cascaded_tanks, silverbox
-from deatwin.studies.stories import Setting
 
 
-def test_a_documented_model_runs_as_its_authors_run_it() -> None:
+def test_a_documented_model_runs_as_its_authors_run_it():
     # SysIdentPy 0.9.0's own predict of these parameters on buck_valid: 0.6549432736167407 V rms from the third sample.
     name = next(iter(DOCUMENTED))
     assert documented_errors(buck(recordings("buck_converter")).test)[name] == pytest.approx(
@@ -22,7 +20,7 @@ def test_a_documented_model_runs_as_its_authors_run_it() -> None:
     )
 
 
-def test_the_converter_is_run_better_than_by_the_documented_frols() -> None:
+def test_the_converter_is_run_better_than_by_the_documented_frols():
     # Of signals as they are, both find the same terms: test_sysidentpy. Here voltages are counted from their means.
     data = buck(recordings("buck_converter"))
     plain, refined = attempt(FROLS, data), attempt(REFINED, data)
@@ -32,7 +30,7 @@ def test_the_converter_is_run_better_than_by_the_documented_frols() -> None:
     assert refined.free_run <= documented_errors(data.test)["SysIdentPy FROLS"]
 
 
-def test_the_silverbox_reaches_beyond_what_it_was_learned_from() -> None:
+def test_the_silverbox_reaches_beyond_what_it_was_learned_from():
     whole = silverbox(recordings("silverbox"))
     data = replace(whole, train=whole.train.section(0, 24_576))  # of 86,750 samples, which take 18 s
     assert np.abs(data.test.outputs).max() > 1.2 * np.abs(data.train.outputs).max()
@@ -42,14 +40,14 @@ def test_the_silverbox_reaches_beyond_what_it_was_learned_from() -> None:
     assert found.free_run < attempt(FROLS, data).free_run
 
 
-def test_semp_of_the_tanks_runs_better_than_any_linear_model() -> None:
+def test_semp_of_the_tanks_runs_better_than_any_linear_model():
     data = cascaded_tanks(recordings("cascaded_tanks"))
     assert attempt(SEMP, data).free_run <= 0.45  # V; 0.596 of the linear output-error model
     own = replace(data, candidates=replace(data.candidates, output_lags=2, input_lags=(1, 2)))
     assert attempt(SEMP, own).free_run <= 0.45
 
 
-def test_nothing_of_the_test_recording_is_learned() -> None:
+def test_nothing_of_the_test_recording_is_learned():
     data = buck(recordings("buck_converter"))
     other = replace(data, test=data.train)
     for method in (FROLS, LINEAR, REFINED):
@@ -59,14 +57,14 @@ def test_nothing_of_the_test_recording_is_learned() -> None:
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_recordings_are_parted(name: str) -> None:
+def test_recordings_are_parted(name):
     data = SETS[name](recordings(name))
     assert data.train.sample_time == data.test.sample_time
     assert min(data.train.n_samples, data.test.n_samples) > 900
     assert all(path.is_file() for path in data.files)
 
 
-def test_a_model_that_misses_does_not_pass() -> None:
+def test_a_model_that_misses_does_not_pass():
     sets = [silverbox(recordings("silverbox")), buck(recordings("buck_converter"))]
     poor = Outcome(
         data="",
@@ -87,7 +85,7 @@ def test_a_model_that_misses_does_not_pass() -> None:
 
 
 @pytest.mark.study
-def test_the_page(setting: Setting, tmp_path: Path) -> None:
+def test_the_page(setting, tmp_path):
     for name in SETS:
         recordings(name)
     result = run(replace(setting, data=DATA, jobs=-1))

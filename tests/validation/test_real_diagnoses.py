@@ -6,14 +6,12 @@ Noël 2016; Bouc-Wen (simulated): Noël & Schoukens 2016; VHB 4910: github.com/C
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from public_recordings import DATA, recordings
 
 from deatwin.scenarios import vhb4910
 from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks, emps, grey_boxes, silverbox
-from deatwin.studies.stories import Setting
 
 pytestmark = pytest.mark.study
 # Documented values. Silverbox: none. EMPS: 20.4 N by the benchmark's own inverse model on the same record.
@@ -27,7 +25,7 @@ STORIES = {
 
 
 @pytest.fixture
-def given(setting: Setting) -> Setting:
+def given(setting):
     """The setting with the recordings of the benchmarks."""
     for name in ("silverbox", "emps", "cascaded_tanks", "boucwen_benchmark_h5"):
         recordings(name)
@@ -35,7 +33,7 @@ def given(setting: Setting) -> Setting:
 
 
 @pytest.mark.parametrize("name", STORIES)
-def test_the_documented_physics_is_named(name: str, given: Setting, tmp_path: Path) -> None:
+def test_the_documented_physics_is_named(name, given, tmp_path):
     module, effect, documented, share = STORIES[name]
     result = module.run(given)
     assert result["causes"] == [effect]
@@ -54,7 +52,7 @@ def test_the_documented_physics_is_named(name: str, given: Setting, tmp_path: Pa
     assert (tmp_path / "report.html").is_file()
 
 
-def test_a_hyperelastic_strip_lacks_a_relaxation(setting: Setting, tmp_path: Path) -> None:
+def test_a_hyperelastic_strip_lacks_a_relaxation(setting, tmp_path):
     result = vhb4910.run(replace(setting, data=recordings("vhb4910").parent))
     assert result["verdict"] == "named"
     assert result["causes"] == ["creep"]
@@ -62,7 +60,7 @@ def test_a_hyperelastic_strip_lacks_a_relaxation(setting: Setting, tmp_path: Pat
     assert (tmp_path / "report.html").is_file()
 
 
-def test_complete_physics_runs_free_over_the_test_parts(given: Setting, tmp_path: Path) -> None:
+def test_complete_physics_runs_free_over_the_test_parts(given, tmp_path):
     errors = grey_boxes.run(given)["errors"]
     # The best published black boxes leave 0.306 V and 18.7 µm, the published physics of four parameters about 5.4 mm.
     assert errors["Cascaded tanks"] < 0.306

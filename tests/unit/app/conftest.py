@@ -1,7 +1,6 @@
 """A rig that is simulated in a moment, and recordings of it on the disk."""
 
 import json
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ SCHEMAS = {
 
 
 @pytest.fixture(scope="session")
-def validate() -> Callable[[str, Path], dict[str, Any]]:
+def validate():
     """Checks a file against its JSON Schema, and returns its content."""
 
     def check(kind: str, path: Path) -> dict[str, Any]:
@@ -38,7 +37,7 @@ def validate() -> Callable[[str, Path], dict[str, Any]]:
 
 
 @pytest.fixture(scope="session")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bench(tmp_path_factory):
     """A folder with a plant in a module, its recordings, a rig file and commands for it."""
     folder = tmp_path_factory.mktemp("bench")
     (folder / "strip_of_mine.py").write_text(MODULE, encoding="utf-8")
@@ -57,18 +56,18 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def on_bench(bench: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def on_bench(bench, monkeypatch):
     """The same, as the working folder."""
     monkeypatch.chdir(bench)
     yield bench
 
 
-FEW = {"creep", "mullins", "prestretch_relaxation", "sensor_drift", "sensor_lag", "strain_stiffening"}
+FEW = {"creep", "mullins", "prestretch_relaxation", "strain_stiffening"}
 """What is told apart here in little time; the whole catalogue is for tests/unit/app/test_documented_commands.py."""
 
 
 @pytest.fixture(scope="module")
-def few_effects() -> Iterator[None]:
+def few_effects():
     """The strip of the bench is offered few effects."""
     offered = Coupon.effects
     with pytest.MonkeyPatch.context() as patch:
@@ -77,7 +76,7 @@ def few_effects() -> Iterator[None]:
 
 
 @pytest.fixture
-def root(tmp_path: Path) -> Path:
+def root(tmp_path):
     """A folder with a rig and a recording, and a secret beside it."""
     root = tmp_path / "lab"
     root.mkdir()
@@ -88,7 +87,7 @@ def root(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def at_desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def at_desk(tmp_path, monkeypatch):
     """An empty folder, as the working folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -53,7 +52,7 @@ def noisy(seed: int, plant: Plant) -> Recording:
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def desk(tmp_path_factory):
     """A folder with recordings of a strip, a model of it, further plants, and a diagnosis with a rival."""
     folder = tmp_path_factory.mktemp("desk")
     (folder / "strip_of_mine.py").write_text(MODULE, encoding="utf-8")
@@ -73,14 +72,14 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def at_desk(desk: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def at_desk(desk, monkeypatch):
     """The same, as the working folder."""
     monkeypatch.chdir(desk)
     return desk
 
 
 @pytest.fixture(scope="module")
-def results(desk: Path) -> Path:
+def results(desk):
     """What a check with all options wrote."""
     options = (
         "--design shaped --closed-loop-time 1.2 --operating-input 1.44 --operating-range 1.3 1.6 --recording other.csv "
@@ -96,9 +95,7 @@ def table(path: Path) -> Any:
     return np.genfromtxt(path, delimiter=",", names=True, deletechars="")
 
 
-def test_all_files_are_written_and_follow_their_schemas(
-    results: Path, validate: Callable[[str, Path], dict[str, Any]]
-) -> None:
+def test_all_files_are_written_and_follow_their_schemas(results, validate):
     assert {path.name for path in results.iterdir()} == {"check.json", "report.html", "run.json", "figures"}
     assert {path.name for path in (results / "figures").iterdir()} == FIGURES
     run = validate("run", results / "run.json")
@@ -107,7 +104,7 @@ def test_all_files_are_written_and_follow_their_schemas(
     assert set(run["outputs"]) == {p.relative_to(results).as_posix() for p in results.rglob("*") if p.is_file()}
 
 
-def test_every_option_is_heard(results: Path, validate: Callable[[str, Path], dict[str, Any]], desk: Path) -> None:
+def test_every_option_is_heard(results, validate, desk):
     found = validate("check", results / "check.json")
     assert found["operating"]["input"] == 1.44
     assert found["controller"]["closed_loop_time"] == pytest.approx(1.2, rel=0.05)  # the crossover is at one by it
@@ -119,20 +116,20 @@ def test_every_option_is_heard(results: Path, validate: Callable[[str, Path], di
     assert {"stability (creep)", "overshoot (further:late)", "prediction"} <= {f["subject"] for f in found["findings"]}
 
 
-def test_a_loop_with_a_dead_time_has_less_phase_by_its_crossover(results: Path) -> None:
+def test_a_loop_with_a_dead_time_has_less_phase_by_its_crossover(results):
     """A delay of 0.08 s takes as much of the delay margin: without other dynamics, the same loop otherwise."""
     rows = Check.load(results / "check.json").table
     delay = {row.source: row.delay for row in rows if row.operating_input == rows[0].operating_input}
     assert delay["plant"] - delay["further:late"] == pytest.approx(0.08, abs=0.002)
 
 
-def test_the_report_needs_nothing_else(results: Path) -> None:
+def test_the_report_needs_nothing_else(results):
     page, text = report_alone(results)
     assert page.tags.count("svg") == page.tags.count("figure") == len(FIGURES)
     assert re.search(r">predicted 95 % band<", text) and re.search(r">command \(|>stretch<", text)
 
 
-def test_the_report_shows_every_finding_beside_its_limit(results: Path) -> None:
+def test_the_report_shows_every_finding_beside_its_limit(results):
     text = (results / "report.html").read_text(encoding="utf-8")
     found = json.loads((results / "check.json").read_text(encoding="utf-8"))
     heads = text[text.index('aria-label="Findings"') :].partition("</thead>")[0].count("<th ")
@@ -155,7 +152,7 @@ def test_the_report_shows_every_finding_beside_its_limit(results: Path) -> None:
     assert "<td>phase margin</td>" in text and "≥ 45°" in text and "≥ 30°" in text
 
 
-def test_the_margins_at_the_operating_point_stand_beside_their_linearised_limits(results: Path) -> None:
+def test_the_margins_at_the_operating_point_stand_beside_their_linearised_limits(results):
     text = (results / "report.html").read_text(encoding="utf-8")
     check = Check.load(results / "check.json")
     (band,) = (row for row in check.table if row.source == "model, linearised")
@@ -169,7 +166,7 @@ def test_the_margins_at_the_operating_point_stand_beside_their_linearised_limits
     assert "Margins of the model, linearised" in text
 
 
-def test_the_data_of_the_figures_are_those_of_the_check(results: Path) -> None:
+def test_the_data_of_the_figures_are_those_of_the_check(results):
     found = Check.load(results / "check.json")
     assert found.steps is not None and found.controller is not None
     steps = table(results / "figures/steps.csv")
@@ -188,9 +185,7 @@ def test_the_data_of_the_figures_are_those_of_the_check(results: Path) -> None:
     assert loop["frequency_Hz"][at] == pytest.approx(found.margins.crossover_Hz, rel=0.02)
 
 
-def test_json_is_the_file_and_the_model_tells_the_band(
-    at_desk: Path, capsys: pytest.CaptureFixture[str], validate: Callable[[str, Path], dict[str, Any]]
-) -> None:
+def test_json_is_the_file_and_the_model_tells_the_band(at_desk, capsys, validate):
     (at_desk / "d" / "figures").mkdir(parents=True)
     (at_desk / "d" / "figures" / "rivals.csv").write_text("of a former run")
     (at_desk / "d" / "figures" / "mine.csv").write_text("somebody's own")
@@ -208,9 +203,7 @@ def test_json_is_the_file_and_the_model_tells_the_band(
             assert path.read_bytes() == (at_desk / "d" / path.relative_to(at_desk / "d2")).read_bytes(), path.name
 
 
-def test_what_cannot_be_met_is_an_answer(
-    at_desk: Path, capsys: pytest.CaptureFixture[str], validate: Callable[[str, Path], dict[str, Any]]
-) -> None:
+def test_what_cannot_be_met_is_an_answer(at_desk, capsys, validate):
     """The strip has no second lag for a derivative to cancel; exit status 0, since the job was done."""
     assert main(["check", "narx.json", *PLANT, "--design", "pid", "--out", "e"]) == 0
     said = capsys.readouterr().out
@@ -221,16 +214,14 @@ def test_what_cannot_be_met_is_an_answer(
     assert "<svg" not in page and "No controller could be designed" in page and 'class="verdict bad"' in page
 
 
-def test_an_interrupt_leaves_nothing_half_written(
-    at_desk: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupt_leaves_nothing_half_written(at_desk, capsys, monkeypatch):
     monkeypatch.setattr(checking, "check_design", interrupted)
     assert main(["check", "narx.json", *PLANT, "--out", "cut"]) == 130
     assert "error: interrupted; nothing was written to cut" in capsys.readouterr().err
     assert not (at_desk / "cut").exists()
 
 
-def test_the_schedule_spans_the_range_that_is_asked_for(at_desk: Path) -> None:
+def test_the_schedule_spans_the_range_that_is_asked_for(at_desk):
     model = NarxModel.load(at_desk / "narx.json").deterministic
     reading = strip().rig.reading
     linear = linearise(model, 1.5).in_loop(reading)
@@ -242,7 +233,7 @@ def test_the_schedule_spans_the_range_that_is_asked_for(at_desk: Path) -> None:
     assert (curve.command_min, curve.command_max) == (1.3, 1.6)
 
 
-def test_identify_tells_the_largest_residual(at_desk: Path) -> None:
+def test_identify_tells_the_largest_residual(at_desk):
     """The free run leaves more of a strip that creeps; held-out parts of 360 samples are too short to tell."""
     write(at_desk / "creeps.csv", noisy(5, strip().with_effects(Creep(modulus=2e3, time=25.0))))
     options = [*COLUMNS, "--method", "frols", "--quiet", "--out", "both.json"]
@@ -258,13 +249,13 @@ def test_identify_tells_the_largest_residual(at_desk: Path) -> None:
     assert float(model.provenance["free_run_residual_time_s"]) == pytest.approx(largest.correlation_time, rel=1e-5)
 
 
-def test_a_model_whose_free_run_diverges_says_so() -> None:
+def test_a_model_whose_free_run_diverges_says_so():
     wild = NarxModel.from_terms({"y(k-1)": 1.2, "u(k)": 1.0}, sample_time=0.1)
     record = noisy(1, strip())
     assert assessed(wild, record, record.section(800, 1200)).provenance["free_run"] == "diverged"
 
 
-def test_python_saves_the_file_that_the_command_saves(at_desk: Path) -> None:
+def test_python_saves_the_file_that_the_command_saves(at_desk):
     assert main(["identify", "noise.csv", *COLUMNS, "--method", "frols", "--quiet", "--out", "told.json"]) == 0
     records = read_recordings("noise.csv", input_column="stretch", output_column="force_N")
     training, held_out = hold_out(records)
@@ -273,9 +264,7 @@ def test_python_saves_the_file_that_the_command_saves(at_desk: Path) -> None:
     assert Path("own.json").read_bytes() == Path("told.json").read_bytes()
 
 
-def test_a_diagnosis_keeps_its_rivals(
-    tmp_path: Path, validate: Callable[[str, Path], dict[str, Any]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_diagnosis_keeps_its_rivals(tmp_path, validate, monkeypatch):
     """Twelve seconds under ten times the usual noise do not tell creep from softening by the largest stretch."""
     from deatwin.plant.effects.mullins import Mullins
 
@@ -310,7 +299,7 @@ def test_a_diagnosis_keeps_its_rivals(
     np.testing.assert_array_equal(again.covariance, kept.covariance)
 
 
-def test_margins_along_time_have_their_figure(results: Path, desk: Path, tmp_path: Path) -> None:
+def test_margins_along_time_have_their_figure(results, desk, tmp_path):
     loaded = Check.load(results / "check.json")
     along = tuple(replace(row, time=60.0 * n) for n, row in enumerate(loaded.table[:4]))
     check = replace(loaded, table=(*loaded.table, *along), others={})

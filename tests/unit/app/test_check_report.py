@@ -1,16 +1,18 @@
-"""How the report of a check writes numbers, limits and units."""
+"""How the report of a check writes numbers, limits, units and gains."""
 
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
-from deatwin.app.check_report.page import groups
+from deatwin.app.check_report.page import groups, written_gains
 from deatwin.app.check_report.view import View
 from deatwin.control import Finding, Limit, Specification, Verdict
+from deatwin.control.design.pid import PidGains
 
 
-def test_numbers_that_are_far_off_are_told_so_in_the_table_and_limits_are_told_as_they_are() -> None:
+def test_numbers_that_are_far_off_are_told_so_in_the_table_and_limits_are_told_as_they_are():
     findings = [
         Finding(subject=subject, value=value, verdict=Verdict.FAIL, text="far off")
         for subject, value in (
@@ -43,9 +45,36 @@ def test_numbers_that_are_far_off_are_told_so_in_the_table_and_limits_are_told_a
     assert (rows["tracking"].good, rows["tracking"].poor) == ("≤ 1.50 times", "≤ 3.00 times")
 
 
-def test_displacements_are_in_micrometres() -> None:
+def test_displacements_are_in_micrometres():
     operating = SimpleNamespace(output_unit="m", input_unit="V")
     model: Any = SimpleNamespace(output_names=("displacement",), input_names=("command",))
     check: Any = SimpleNamespace(operating=operating)
     view = View(check=check, model=model, plants={}, specification=Specification())
     assert (view.reading, view.command, view.unit, view.size) == ("displacement (µm)", "command (V)", "um", 1e-6)
+
+
+H = 0.02
+
+
+@pytest.mark.parametrize(
+    ("input_unit", "output_unit", "gains", "expected"),
+    [
+        # 2e3 V/m is 2e-3 V/um
+        ("V", "m", PidGains(proportional=2e3, integral=5e4), ["0.002 V/µm", "0.05 V/(µm s)"]),
+        ("V", "1", PidGains(proportional=0.0, integral=3.0), ["0 V", "3 V/s"]),
+        ("1", "N", PidGains(proportional=2.0, integral=3.0), ["2 1/N", "3 1/(N s)"]),
+        (
+            "V",
+            "N",
+            PidGains(proportional=2.0, integral=3.0, derivative=0.5, filter_time=0.1),
+            ["2 V/N", "3 V/(N s)", "0.5 V s/N", "0.1 s"],
+        ),
+    ],
+)
+def test_each_gain_has_its_unit(input_unit, output_unit, gains, expected):
+    law = gains.law(H)
+    controller = SimpleNamespace(local=lambda _: law, operating_input=1.0, sample_time=H)
+    check: Any = SimpleNamespace(
+        controller=controller, operating=SimpleNamespace(input_unit=input_unit, output_unit=output_unit)
+    )
+    assert [text for _, text in written_gains(check)] == expected

@@ -12,11 +12,11 @@ from strips import COLUMNS
 from deatwin.app.cli import main
 from deatwin.app.options import fold_experiments, unfold_experiment
 from deatwin.plant import Diaphragm, Experiment
-from deatwin.plant.files import read_commands, read_recordings
+from deatwin.plant.files import read_commands, read_recordings, write_csv
 from deatwin.plant.sources import load_plant
 
 
-def test_an_experiment_takes_the_files_up_to_the_next_option() -> None:
+def test_an_experiment_takes_the_files_up_to_the_next_option():
     given = "diagnose rig --experiment a b --seed 1 --experiment=c d --quiet".split()
     folded = fold_experiments(given)
     assert folded[:3] == ["diagnose", "rig", "--experiment"]
@@ -26,9 +26,7 @@ def test_an_experiment_takes_the_files_up_to_the_next_option() -> None:
     assert folded[8:] == ["--quiet"]
 
 
-def test_output_and_names_that_the_locale_cannot_encode(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_output_and_names_that_the_locale_cannot_encode(monkeypatch, capsys):
     assert main(["look", "m\udce4ss.csv"]) == 1
     assert (
         r"m\udce4ss.csv: the locale cannot represent some characters of this name; rename the file, or set a UTF-8 locale"
@@ -41,7 +39,7 @@ def test_output_and_names_that_the_locale_cannot_encode(
     assert written.getvalue().endswith(b"\\xb5m\n")
 
 
-def test_simulate_goes_through_the_history(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_simulate_goes_through_the_history(on_bench, capsys):
     assert main(["simulate", "rig.toml", "second.csv", "--out", "alone.csv", "--quiet"]) == 0
     with_history = ["simulate", "rig.toml", "second.csv", "--history", "first.csv", "--out", "after.csv", "--quiet"]
     assert main(with_history) == 0
@@ -58,7 +56,7 @@ def test_simulate_goes_through_the_history(on_bench: Path, capsys: pytest.Captur
     assert difference[-1] < 0.1 * difference.max()
 
 
-def test_a_rig_without_noise_has_no_band(on_bench: Path) -> None:
+def test_a_rig_without_noise_has_no_band(on_bench):
     Path("exact.toml").write_text(
         """kind = "planar"
 [film]
@@ -86,7 +84,7 @@ zero = "displacement at zero volts"
     assert np.ptp(table["displacement_mm"]) > 0.01
 
 
-def test_simulate_writes_further_readings_too(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_simulate_writes_further_readings_too(on_bench, capsys):
     sections = '\n[readings.current]\nunit = "nA"\nnoise = 5.0\n[readings.capacitance]\nunit = "pF"\nnoise = 1.5\n'
     Path("more.toml").write_text(Path("rig.toml").read_text(encoding="utf-8") + sections, encoding="utf-8")
     assert main(["simulate", "more.toml", "first.csv", "--out", "more.csv"]) == 0
@@ -102,16 +100,23 @@ def test_simulate_writes_further_readings_too(on_bench: Path, capsys: pytest.Cap
     np.testing.assert_allclose(table["capacitance_pF"], 1e12 * rows[2], atol=1e-2)
 
 
-def test_an_effect_is_added(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_effect_is_added(on_bench, capsys):
     assert main(["simulate", "rig.toml", "first.csv", "--effect", "electrode_rc", "--out", "rc.csv", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["effects"] == ["electrode_rc"]
     assert read_recordings("rc.csv", input_column="low_mm")[0].n_samples == 200
 
 
 @pytest.mark.parametrize("method", ["svb", "frols", "lasso", "semp", "grow"])
-def test_identify(on_bench: Path, capsys: pytest.CaptureFixture[str], method: str) -> None:
+def test_identify(on_bench, capsys, method):
     assert main(["identify", "pulls.csv", *COLUMNS, "--method", method, "--out", "narx.json", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["terms"]
     assert 0 < found["unseen"][0]["one_step"] < 0.1
     assert found["complete"] and found["unseen"][0]["validation"]
+
+
+def test_an_identification_that_fails_leaves_no_folder_for_its_report(at_desk):
+    clock, command = 0.02 * np.arange(12), np.linspace(1.0, 2.0, 12)
+    write_csv(Path("short.csv"), {"time_s": clock, "command_V": command, "displacement_mm": np.zeros(12)})
+    assert main(["identify", "short.csv", "--out", "found.json", "--report", "new/report", "--quiet"]) == 1
+    assert [path.name for path in at_desk.iterdir()] == ["short.csv"]

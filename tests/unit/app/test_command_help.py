@@ -8,7 +8,6 @@ import re
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, get_type_hints
 
@@ -24,7 +23,7 @@ from deatwin.app.stories import stories
 from deatwin.plant.effects import catalogue
 from deatwin.studies.stories import Setting, Story
 
-COMMANDS: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
+COMMANDS: dict[str, Any] = get_command(app).commands
 PROGRAM = "import sys; from deatwin.app.cli import main; sys.exit(main())"
 SHARED = {
     "quiet": options.Quiet,
@@ -60,7 +59,7 @@ def examples(command: Any) -> list[str]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_each_command_says_what_it_does_and_gives_an_example_that_parses(name: str) -> None:
+def test_each_command_says_what_it_does_and_gives_an_example_that_parses(name):
     command = COMMANDS[name]
     assert re.match(r"[A-Z].*\.", command.help)
     assert examples(command)
@@ -71,13 +70,13 @@ def test_each_command_says_what_it_does_and_gives_an_example_that_parses(name: s
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_each_argument_and_option_says_what_it_is(name: str) -> None:
+def test_each_argument_and_option_says_what_it_is(name):
     for parameter in COMMANDS[name].params:
         assert parameter.name == "help" or re.search(r"\w.*\.$", parameter.help or ""), parameter.name
 
 
 @pytest.mark.parametrize("shared", SHARED)
-def test_a_shared_option_is_the_same_in_all_commands(shared: str) -> None:
+def test_a_shared_option_is_the_same_in_all_commands(shared):
     functions = [command.callback for command in app.registered_commands if command.callback]
     having = [function for function in functions if shared in inspect.signature(function).parameters]
     assert having
@@ -85,20 +84,20 @@ def test_a_shared_option_is_the_same_in_all_commands(shared: str) -> None:
     assert len({inspect.signature(function).parameters[shared].default for function in having}) == 1
 
 
-def test_every_command_can_be_silent_and_speak_to_machines() -> None:
+def test_every_command_can_be_silent_and_speak_to_machines():
     for name, command in COMMANDS.items():
         assert {"quiet", "as_json"} <= {p.name for p in command.params}, name
 
 
 @pytest.fixture(scope="module")
-def identified(bench: Path) -> None:
+def identified(bench):
     """A model beside the recordings."""
     files = [str(bench / "pulls.csv"), "--out", str(bench / "model.json")]
     assert main(["identify", *files, *COLUMNS, "--method", "frols", "--quiet"]) == 0
 
 
 @pytest.fixture
-def at_work(on_bench: Path, identified: None, monkeypatch: pytest.MonkeyPatch) -> Path:
+def at_work(on_bench, identified, monkeypatch):
     """A folder with a rig, commands and a model, and one story that is told at once."""
 
     def run(setting: Setting) -> dict[str, Any]:
@@ -124,9 +123,7 @@ QUICK = [
 
 
 @pytest.mark.parametrize("line", QUICK)
-def test_quiet_says_nothing_and_json_is_one_document(
-    line: str, at_work: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_quiet_says_nothing_and_json_is_one_document(line, at_work, capsys, monkeypatch):
     monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))  # other tests draw
     arguments = shlex.split(line)
     assert main([*arguments, "--quiet"]) == 0
@@ -140,7 +137,7 @@ def test_quiet_says_nothing_and_json_is_one_document(
     assert said and not said.startswith("{")
 
 
-def test_seed_and_jobs_reach_the_story(at_work: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_seed_and_jobs_reach_the_story(at_work, capsys):
     assert main(["scenario", "mine", "--seed", "7", "--jobs", "2", "--out", "told", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"sentence": "it is so", "seed": 7, "jobs": 2}
     assert main(["scenario", "mine", "--out", "told", "--json"]) == 0
@@ -161,9 +158,7 @@ def test_seed_and_jobs_reach_the_story(at_work: Path, capsys: pytest.CaptureFixt
         ("deatwin sce", {"scenario", "scenarios"}),
     ],
 )
-def test_bash_is_offered_names(
-    typed: str, offered: set[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bash_is_offered_names(typed, offered, capsys, monkeypatch):
     monkeypatch.setenv("_DEATWIN_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", typed)
     monkeypatch.setenv("COMP_CWORD", str(len(typed.split()) - (not typed.endswith(" "))))
@@ -171,13 +166,13 @@ def test_bash_is_offered_names(
     assert set(capsys.readouterr().out.split()) == offered
 
 
-def test_zsh_is_offered_stories_with_their_lines() -> None:
+def test_zsh_is_offered_stories_with_their_lines():
     said = "\n".join(program(_DEATWIN_COMPLETE="complete_zsh", _TYPER_COMPLETE_ARGS="deatwin scenario vhb"))
     assert '"vhb4910":' in said and "finds the relaxation" in said
 
 
 @pytest.mark.parametrize(("shell", "line"), [("bash", "complete -o default -F"), ("zsh", "compdef")])
-def test_the_shell_gets_a_script(shell: str, line: str) -> None:
+def test_the_shell_gets_a_script(shell, line):
     lines = program("--show-completion", shell, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1")
     assert any(text.startswith(line) for text in lines)
     assert "_DEATWIN_COMPLETE" in "\n".join(lines)
@@ -205,7 +200,7 @@ def on_a_terminal(**environment: str) -> str:
     return shown.decode()
 
 
-def test_colour_is_for_terminals_that_want_it() -> None:
+def test_colour_is_for_terminals_that_want_it():
     assert COLOUR.search(on_a_terminal())
     assert not COLOUR.search(on_a_terminal(NO_COLOR="1"))
     assert "\x1b" not in "\n".join(program("check", "--help"))

@@ -9,7 +9,7 @@ from deatwin.plant import Creep, Diaphragm, Plant
 from deatwin.plant.drawing import envelope
 
 
-def test_the_film_is_not_quite_the_nominal_one_and_has_the_effect() -> None:
+def test_the_film_is_not_quite_the_nominal_one_and_has_the_effect():
     nominal = Plant(rig=replace(Diaphragm(), ball_is_known=True))
     effect = Creep(modulus=52e3)
     truth, experiment = conceal(nominal, effect, np.random.default_rng(0))
@@ -25,7 +25,7 @@ def test_the_film_is_not_quite_the_nominal_one_and_has_the_effect() -> None:
     assert [record.start for record in experiment.recordings] == [0.0, NOISE_SECONDS]
 
 
-def test_an_envelope_keeps_the_extremes() -> None:
+def test_an_envelope_keeps_the_extremes():
     values = np.random.default_rng(0).standard_normal(10_007)
     timepts = np.arange(values.size) * 0.02
     times, kept = envelope(timepts, values, columns=300)

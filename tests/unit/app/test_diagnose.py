@@ -1,10 +1,7 @@
 """`deatwin diagnose` from files to files, and what it writes."""
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +17,7 @@ FILES = {"diagnosis.json", "model.json", "report.html", "run.json", "figures"}
 
 
 @pytest.fixture(scope="module")
-def results(bench: Path, few_effects: None) -> Path:
+def results(bench, few_effects):
     """The results of one diagnosis of two experiments."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(bench)
@@ -31,9 +28,7 @@ def results(bench: Path, few_effects: None) -> Path:
     return bench / "d"
 
 
-def test_every_file_is_written_and_follows_its_schema(
-    results: Path, validate: Callable[[str, Path], dict[str, Any]]
-) -> None:
+def test_every_file_is_written_and_follows_its_schema(results, validate):
     assert {path.name for path in results.iterdir()} == FILES
     diagnosis = validate("diagnosis", results / "diagnosis.json")
     assert diagnosis["verdict"] == "named"
@@ -45,9 +40,7 @@ def test_every_file_is_written_and_follows_its_schema(
     assert set(run["outputs"]) == {str(p.relative_to(results)) for p in results.rglob("*") if p.is_file()}
 
 
-def test_equal_runs_in_any_number_of_processes_differ_in_nothing_but_the_record_of_the_run(
-    results: Path, on_bench: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_equal_runs_in_any_number_of_processes_differ_in_nothing_but_the_record_of_the_run(results, on_bench, capsys):
     arguments = "diagnose strip_of_mine:strip --experiment pulls.csv --experiment again.csv --out e --jobs 1 --json"
     assert main(arguments.split()) == 0
     assert json.loads(capsys.readouterr().out) == json.loads((results / "diagnosis.json").read_text(encoding="utf-8"))
@@ -56,9 +49,7 @@ def test_equal_runs_in_any_number_of_processes_differ_in_nothing_but_the_record_
             assert path.read_bytes() == (on_bench / "e" / path.relative_to(results)).read_bytes(), path.name
 
 
-def test_the_command_line_says_how_sure_the_verdict_is(
-    results: Path, on_bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_says_how_sure_the_verdict_is(results, on_bench, monkeypatch, capsys):
     diagnosis = Diagnosis.load(results / "diagnosis.json")
     (explanation,) = diagnosis.explanations
     assert (explanation.effects, explanation.probability) == (("creep",), diagnosis.causes[0].probability)
@@ -70,7 +61,7 @@ def test_the_command_line_says_how_sure_the_verdict_is(
     assert then == f"next: {next_step(diagnosis)}"
 
 
-def test_the_amended_model_can_be_simulated(results: Path, on_bench: Path) -> None:
+def test_the_amended_model_can_be_simulated(results, on_bench):
     assert main(["simulate", "d/model.json", "again.csv", "--out", "predicted.csv", "--quiet"]) == 0
     table = np.genfromtxt("predicted.csv", delimiter=",", names=True)
     assert table.dtype.names == ("time_s", "force_N", "low_N", "high_N")
@@ -80,7 +71,7 @@ def test_the_amended_model_can_be_simulated(results: Path, on_bench: Path) -> No
     assert inside.mean() > 0.9
 
 
-def test_the_report_needs_nothing_else(results: Path) -> None:
+def test_the_report_needs_nothing_else(results):
     page, text = report_alone(results)
     assert page.tags.count("svg") >= 6  # four of the recordings, and one of each step that draws itself
     diagnosis = json.loads((results / "diagnosis.json").read_text(encoding="utf-8"))
@@ -88,7 +79,7 @@ def test_the_report_needs_nothing_else(results: Path) -> None:
     assert f"<h1>{finding}." in text and details in text
 
 
-def test_the_data_of_the_figures(results: Path) -> None:
+def test_the_data_of_the_figures(results):
     table = np.genfromtxt(results / "figures" / "time.csv", delimiter=",", names=True)
     assert table.size == 2400
     diagnosis = json.loads((results / "diagnosis.json").read_text(encoding="utf-8"))
@@ -100,9 +91,7 @@ def test_the_data_of_the_figures(results: Path) -> None:
     assert spectrum["base_N_per_sqrtHz"][0] > 10 * spectrum["amended_N_per_sqrtHz"][0]
 
 
-def test_an_interrupt_says_what_exists(
-    results: Path, on_bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupt_says_what_exists(results, on_bench, monkeypatch, capsys):
     from deatwin.studies import diagnosing
 
     model = CalibratedPlant.load(results / "model.json")

@@ -26,7 +26,7 @@ def told(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     return found
 
 
-def test_every_package_of_an_extra_is_named_with_its_versions() -> None:
+def test_every_package_of_an_extra_is_named_with_its_versions():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     stated = {
         re.sub(r"\[.*?\]", "", text)
@@ -39,7 +39,7 @@ def test_every_package_of_an_extra_is_named_with_its_versions() -> None:
     assert named == {text for text in stated if re.split(r"[><=]", text)[0] not in others}
 
 
-def test_no_advice_needs_an_index_that_has_deatwin() -> None:
+def test_no_advice_needs_an_index_that_has_deatwin():
     for part in OPTIONAL:
         (requirement,) = shlex.split(part.command)[2:]
         assert requirement == part.package + part.versions
@@ -48,14 +48,7 @@ def test_no_advice_needs_an_index_that_has_deatwin() -> None:
 
 
 @pytest.mark.parametrize(("rig", "variants", "finer"), [(None, 2, 1), ("mine:disc", 1, 0)])
-def test_the_plants_that_a_diagnosis_asks_for_are_compiled(
-    rig: str | None,
-    variants: int,
-    finer: int,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-) -> None:
+def test_the_plants_that_a_diagnosis_asks_for_are_compiled(rig, variants, finer, monkeypatch, capsys, tmp_path):
     """With the ball bonded and sliding, if that is not known: the film in two numbers of stages, a finer one if there is
     one, and the film with each effect in the smaller number of stages.
     """
@@ -72,9 +65,7 @@ def test_the_plants_that_a_diagnosis_asks_for_are_compiled(
     assert f"{len(made)} plants are compiled" in capsys.readouterr().out
 
 
-def test_what_is_absent_comes_with_its_command(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_absent_comes_with_its_command(monkeypatch, capsys):
     part = command.Part(package="no_such_package", use="nothing at all", versions=">=1")
     monkeypatch.setattr(command, "OPTIONAL", (part, command.Part(package="numpy", use="numbers")))
     assert main(["doctor"]) == 0
@@ -85,7 +76,7 @@ def test_what_is_absent_comes_with_its_command(
     assert found["no_such_package"]["version"] is None and found["numpy"]["install"] == "pip install numpy"
 
 
-def test_a_compiler_is_named_or_asked_for(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_compiler_is_named_or_asked_for(monkeypatch, capsys):
     monkeypatch.setenv("DEATWIN_COMPILER", "")
     assert main(["doctor"]) == 0
     said = capsys.readouterr().out
@@ -98,9 +89,7 @@ def test_a_compiler_is_named_or_asked_for(monkeypatch: pytest.MonkeyPatch, capsy
     assert told(capsys)["compiler"] == compiled.compiler()
 
 
-def test_the_cache_is_measured(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_cache_is_measured(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path / "cache"))
     (tmp_path / "cache").mkdir()
     (tmp_path / "cache" / "a.so").write_bytes(bytes(1_500_000))
@@ -111,18 +100,14 @@ def test_the_cache_is_measured(
     assert f"{tmp_path / 'cache'}: 2 files, 2.5 MB" in capsys.readouterr().out
 
 
-def test_a_cache_that_cannot_be_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_cache_that_cannot_be_is_said(tmp_path, monkeypatch, capsys):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path / "file" / "cache"))
     assert main(["doctor"]) == 0
     assert "Not a directory: without a cache folder nothing is compiled" in capsys.readouterr().out
 
 
-def test_the_folder_of_public_recordings_is_looked_into(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_folder_of_public_recordings_is_looked_into(tmp_path, monkeypatch, capsys):
     for name in ("silverbox", "emps"):
         (tmp_path / name).mkdir()
     monkeypatch.setenv("DEATWIN_DATA", str(tmp_path))

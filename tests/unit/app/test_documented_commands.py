@@ -9,7 +9,8 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 
@@ -17,12 +18,13 @@ import documents
 import numpy as np
 import pytest
 from made_coupons import dynamic, gent_pull, held
+from needs import COMPILED
 
 from deatwin.app.cli import main
 from deatwin.plant import Experiment, Recording, load_plant
 from deatwin.plant.excitation import band_limited_noise, random_holds
 from deatwin.plant.files import write_csv
-from deatwin.plant.integrator.compiled import compiler
+from deatwin.scenarios.concealed_physics.generator import specimens
 
 ROOT = Path(__file__).parents[3]
 STEP = 0.02
@@ -94,6 +96,7 @@ MADE_BY = {
     "control": "check narx.json --plant found/model.json --diagnosis found --out control",
 }
 """What other commands take, by the documented command that writes it."""
+PREDICTED = "simulate found/model.json check.csv --history noise.csv --history steps.csv --out predicted.csv"
 LONG_BLOCKS = {
     ("README.md", 0),
     ("docs/how-to/check-a-controller.md", 0),
@@ -183,7 +186,7 @@ def coupons(folder: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def desk(tmp_path_factory):
     """A folder with the files that the pages speak of: short recordings of one film, and the files shown as code."""
     folder, rng = tmp_path_factory.mktemp("desk"), np.random.default_rng(0)
     rig, *_ = [text for _, text in documents.blocks(ROOT / "docs/how-to/own-rig-file.md", "toml") if "[film]" in text]
@@ -217,7 +220,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def at_desk(desk: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def at_desk(desk, monkeypatch):
     """The same, as the working folder; modules that lie in it are forgotten afterwards."""
     monkeypatch.chdir(desk)
     monkeypatch.syspath_prepend(str(desk))
@@ -245,7 +248,7 @@ def outputs(arguments: Sequence[str]) -> list[Path]:
 # Tests ---------------------------------------------------------------------------------------------------------------
 
 
-def test_every_command_and_block_is_run_somewhere() -> None:
+def test_every_command_and_block_is_run_somewhere():
     assert {*LONG, *ELSEWHERE, *MADE_BY.values()} <= set(SHOWN)
     assert {*LONG_BLOCKS, *BLOCKS_ELSEWHERE} <= set(BLOCKS)
     assert all(command.split()[0] in STAGES for command in SHORT)
@@ -254,11 +257,9 @@ def test_every_command_and_block_is_run_somewhere() -> None:
             assert not word.startswith("tests/") or (ROOT / word).is_file(), word
 
 
-@pytest.mark.skipif(compiler() is None, reason="many simulations: without a C compiler they take ten times as long")
+@COMPILED
 @pytest.mark.parametrize("command", SHORT)
-def test_a_command_does_what_its_page_says(
-    command: str, at_desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_command_does_what_its_page_says(command, at_desk, tmp_path, monkeypatch, capsys):
     arguments = shlex.split(command)
     if SHOWN[command] == SHAKER:
         arguments = at_the_shaker(arguments, tmp_path, at_desk, monkeypatch)
@@ -274,9 +275,7 @@ def test_a_command_does_what_its_page_says(
 
 @pytest.mark.study
 @pytest.mark.parametrize("command", LONG)
-def test_a_long_command_does_what_its_page_says(
-    command: str, at_desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_command_does_what_its_page_says(command, at_desk, tmp_path, monkeypatch):
     if command in DATA and "DEATWIN_DATA" not in os.environ:
         pytest.skip("public recordings: DEATWIN_DATA names no folder")
     arguments = shlex.split(command)
@@ -312,9 +311,9 @@ def block_params() -> list[object]:
     ]
 
 
-@pytest.mark.skipif(compiler() is None, reason="many simulations: without a C compiler they take ten times as long")
+@COMPILED
 @pytest.mark.parametrize("at", block_params())
-def test_a_block_of_python_runs(at: tuple[str, int], at_desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_block_of_python_runs(at, at_desk, monkeypatch):
     title, code = BLOCKS[at]
     if "to_arviz" in code:
         pytest.importorskip("arviz", reason="the extra bayes is not installed")
@@ -322,14 +321,9 @@ def test_a_block_of_python_runs(at: tuple[str, int], at_desk: Path, monkeypatch:
         if f'"{path}' in code and not Path(path).exists():
             assert run(shlex.split(maker)) == 0
     if "predicted.csv" in code:
-        assert (
-            run(
-                shlex.split(
-                    "simulate found/model.json check.csv --history noise.csv --history steps.csv --out predicted.csv"
-                )
-            )
-            == 0
-        )
+        assert run(shlex.split(PREDICTED)) == 0
+    if at[0] == "CONTRIBUTING.md":  # on recordings of some seconds
+        monkeypatch.setattr(specimens, "make", partial(specimens.make, seconds=12.0, check_seconds=6.0))
     module = ModuleType("__main__")
     monkeypatch.setitem(sys.modules, "__main__", module)
     monkeypatch.setattr("matplotlib.pyplot.show", lambda: None)

@@ -43,7 +43,7 @@ def acceleration(height: float, speed: float, volts: float) -> float:
 
 
 @pytest.mark.usefixtures("uncompiled")
-def test_a_stack_of_87_hertz_at_100_samples_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stack_of_87_hertz_at_100_samples_a_second(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("rig.toml").write_text(RIG, encoding="utf-8")
     commands = np.repeat([0.0, 3.0, 1.0, 2.5], 12)

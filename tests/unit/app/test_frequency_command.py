@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -55,7 +55,7 @@ def one_by_a(frequency_Hz: NDArray[np.float64]) -> NDArray[np.complex128]:
 
 
 @pytest.fixture
-def square(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def square(tmp_path, monkeypatch):
     """The model in a file, in the working folder."""
     monkeypatch.chdir(tmp_path)
     model_of(SQUARE, provenance={"excited_band_Hz": "1.0"}).save(tmp_path / "narx.json")
@@ -70,7 +70,7 @@ def table(path: Path) -> NDArray[Any]:
     return np.genfromtxt(path, delimiter=",", names=True)
 
 
-def test_order_one_keeps_its_table(square: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_order_one_keeps_its_table(square, capsys):
     assert main(["frequency", "narx.json", "--out", "response"]) == 0
     found = table(square / "response/figures/frequency.csv")
     assert found.dtype.names is not None
@@ -95,9 +95,7 @@ def test_order_one_keeps_its_table(square: Path, capsys: pytest.CaptureFixture[s
     assert "the operating point is stable" in capsys.readouterr().out
 
 
-def test_all_orders(
-    square: Path, capsys: pytest.CaptureFixture[str], validate: Callable[[str, Path], dict[str, Any]]
-) -> None:
+def test_all_orders(square, capsys, validate):
     assert main(["frequency", "narx.json", "--order", "3", "--out", "response"]) == 0
     folder = square / "response"
     assert files_of(folder) == FILES
@@ -134,7 +132,7 @@ def test_all_orders(
 
 
 @pytest.fixture
-def two_inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def two_inputs(tmp_path, monkeypatch):
     """H_1 = 0.4 / A and 0.2 / A, and the cross kernel 0.05 / A at the sum of the frequencies: half the product's weight."""
     monkeypatch.chdir(tmp_path)
     terms = {"y(k-1)": 0.6, "volts(k)": 0.4, "heat(k)": 0.2, "volts(k)heat(k)": 0.1}
@@ -143,9 +141,7 @@ def two_inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_several_inputs_have_responses_of_their_own_and_cross_kernels(
-    two_inputs: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_several_inputs_have_responses_of_their_own_and_cross_kernels(two_inputs, capsys, monkeypatch):
     command = ["frequency", "narx.json", "--out", "response"]
     assert main([*command, "--order", "2"]) == 0
     tables = two_inputs / "response/figures"
@@ -174,7 +170,7 @@ def test_several_inputs_have_responses_of_their_own_and_cross_kernels(
     assert not any(path.name.startswith("gfrf2") for path in tables.iterdir())
 
 
-def test_a_second_run_leaves_nothing_of_the_first(square: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_run_leaves_nothing_of_the_first(square, monkeypatch):
     monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
     folder = square / "response"
     assert main(["frequency", "narx.json", "--order", "3", "--out", "response"]) == 0
@@ -193,9 +189,7 @@ def test_a_second_run_leaves_nothing_of_the_first(square: Path, monkeypatch: pyt
         (("", ""), ("gain", "gain", "deviation")),
     ],
 )
-def test_headers_have_their_units(
-    units: tuple[str, str], headers: tuple[str, str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_headers_have_their_units(units, headers, tmp_path, monkeypatch):
     monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
     found = respond(replace(model_of(SQUARE), input_units=units[:1], output_units=units[1:]), 2, amplitude=0.1)
     write_responses(found, ResultFolder(tmp_path))
@@ -203,7 +197,7 @@ def test_headers_have_their_units(
         assert header in (tmp_path / f"figures/{name}.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
 
 
-def test_json_tells_all(square: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_json_tells_all(square, capsys, monkeypatch):
     monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))  # other tests draw
     options = ["--operating-input", "0.2", "--level", "0.9", "--band", "0.5", "0.8", "--out", "response", "--json"]
     assert main(["frequency", "narx.json", *options]) == 0
@@ -221,7 +215,7 @@ def test_json_tells_all(square: Path, capsys: pytest.CaptureFixture[str], monkey
     np.testing.assert_allclose((high - gain) / (wider.high - gain), 1.644854 / 1.959964, rtol=1e-6)
 
 
-def test_nofrfs_as_plain_data() -> None:
+def test_nofrfs_as_plain_data():
     found = respond(model_of(SQUARE), 2, band_Hz=(0.5, 0.8), amplitude=0.3).to_json()
     np.testing.assert_allclose(found["output_ranges_Hz"][1], [[0.0, 0.3], [1.0, 1.6]], atol=1e-12)
     nofrfs = found["nofrf"]
@@ -229,7 +223,7 @@ def test_nofrfs_as_plain_data() -> None:
     json.dumps(found, allow_nan=False)
 
 
-def test_amplitude_is_lowered_where_further_orders_act() -> None:
+def test_amplitude_is_lowered_where_further_orders_act():
     model = model_of({"y(k-1)": 0.8, "u(k)": 0.2, "y(k-1)u(k)": 0.3})
     lowered, asked = respond(model, 3, band_Hz=(0, 0.3)), respond(model, 3, band_Hz=(0, 0.3), amplitude=1.0)
     assert lowered.nofrfs is not None and lowered.nofrfs.status is NofrfStatus.OK
@@ -239,7 +233,7 @@ def test_amplitude_is_lowered_where_further_orders_act() -> None:
     assert any("orders that were not fitted act" in line for line in asked.lines)
 
 
-def test_a_gain_is_drawn_in_a_unit_with_a_prefix() -> None:
+def test_a_gain_is_drawn_in_a_unit_with_a_prefix():
     first = respond(model_of({"y(k-1)": 0.5, "u(k)": 4e-5}), 1).first
     shown, size = frequency_report._for_reading(first)
     assert (shown.unit, size) == ("µm/V", 1e-6)
@@ -249,7 +243,7 @@ def test_a_gain_is_drawn_in_a_unit_with_a_prefix() -> None:
     assert frequency_report._for_reading(alike)[0].unit == "m/m"
 
 
-def test_what_fails_is_said_plainly() -> None:
+def test_what_fails_is_said_plainly():
     unstable = {"y(k-1)": 1.2, "u(k)": 0.4, "y(k-1)^3": -0.3}  # rests at 0, and at +- sqrt(2/3), which is stable
     said = " / ".join(respond(model_of(unstable), 2).lines)
     assert "the operating point is unstable" in said
@@ -262,7 +256,7 @@ def test_what_fails_is_said_plainly() -> None:
     assert found.band_Hz == (0.0, 1.25)  # a quarter of half the sampling rate
 
 
-def test_the_page_shows_what_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_shows_what_fails(tmp_path, monkeypatch):
     monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
     found = respond(replace(model_of(SQUARE), theta_cov=np.diag([0.0, 0.04, 0.0])), 1)
     write_responses(replace(found, missing="for a reason"), ResultFolder(tmp_path))
@@ -271,7 +265,7 @@ def test_the_page_shows_what_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_only_a_model_with_a_covariance_has_bands(tmp_path: Path, known: bool) -> None:
+def test_only_a_model_with_a_covariance_has_bands(tmp_path, known):
     model = model_of(SQUARE, provenance={"excited_band_Hz": "1.0"})
     found = respond(
         model if known else replace(model, theta_cov=np.zeros((3, 3))), 2, operating_input=1.0, amplitude=0.1
@@ -282,9 +276,7 @@ def test_only_a_model_with_a_covariance_has_bands(tmp_path: Path, known: bool) -
     assert ("no covariance" in page) is not known
 
 
-def test_the_next_step_names_check_only_for_a_model_that_check_takes(
-    two_inputs: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_next_step_names_check_only_for_a_model_that_check_takes(two_inputs, monkeypatch):
     monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
     assert main(["frequency", "narx.json", "--out", "response"]) == 0
     page = (two_inputs / "response/report.html").read_text(encoding="utf-8")
@@ -314,7 +306,7 @@ def test_the_next_step_names_check_only_for_a_model_that_check_takes(
         (Reliance(status=ValidationStatus.DIVERGED), "the free run diverged"),
     ],
 )
-def test_the_page_counts_the_residual_tests_that_failed(known: Reliance, said: str) -> None:
+def test_the_page_counts_the_residual_tests_that_failed(known, said):
     row = frequency_report._reliance(known)
     assert (row.reached, row.passed) == (said, said == "none")
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -80,7 +79,7 @@ def test_a_model_that_begins_elsewhere_than_the_dead_time_says_so():
 
 
 @pytest.mark.parametrize("method", ["lasso", "frols"])
-def test_lags_that_competed_are_not_advised(at_desk: Path, capsys: pytest.CaptureFixture[str], method: str) -> None:
+def test_lags_that_competed_are_not_advised(at_desk, capsys, method):
     """y(k) = 1.02 y(k-1) + 0.1 u(k-1) in a loop: no free run can tell its terms, so that a constant has the best one."""
     rng = np.random.default_rng(3)
     wanted, u, read, y = np.repeat(rng.uniform(-1, 1, 100), 20), np.zeros(2000), np.zeros(2000), 0.0
@@ -98,9 +97,7 @@ def test_lags_that_competed_are_not_advised(at_desk: Path, capsys: pytest.Captur
 
 
 @pytest.mark.parametrize(("method", "zeta"), [("svb", 1.0), ("frols", None)])
-def test_slow_plants_at_twenty_kilohertz_are_learned_by_decimation(
-    at_desk: Path, capsys: pytest.CaptureFixture[str], zeta: float | None, method: str
-) -> None:
+def test_slow_plants_at_twenty_kilohertz_are_learned_by_decimation(at_desk, capsys, zeta, method):
     """A second of a plant of 20 ms: behind the filter the free run follows within a tenth of the output's deviation."""
     rng = np.random.default_rng([1, 3])
     pole = np.exp(-1 / 400)
@@ -116,7 +113,7 @@ def test_slow_plants_at_twenty_kilohertz_are_learned_by_decimation(
     assert all(one["status"] != "loop" for one in told["dead_times"])
 
 
-def test_a_model_that_runs_away_on_its_own_data_is_never_given_without_a_warning(at_desk: Path, capsys) -> None:
+def test_a_model_that_runs_away_on_its_own_data_is_never_given_without_a_warning(at_desk, capsys):
     """With lags that were asked for nothing is changed, but said."""
     rng = np.random.default_rng([1, 3])
     u = np.repeat(rng.uniform(-1, 1, 152), 133)[:20_000]
@@ -133,7 +130,7 @@ def test_a_model_that_runs_away_on_its_own_data_is_never_given_without_a_warning
     )
 
 
-def test_the_command_finds_a_late_input(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_finds_a_late_input(at_desk, capsys):
     write_recording("late.csv", late(25))
     assert main(["identify", "late.csv", *COLUMNS, "--out", "narx.json", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -141,7 +138,7 @@ def test_the_command_finds_a_late_input(at_desk: Path, capsys: pytest.CaptureFix
     assert "u(k-25)" in told["terms"] and told["unseen"][0]["free_run"] < 0.004
 
 
-def test_the_command_judges_an_unstable_model_ahead(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_judges_an_unstable_model_ahead(at_desk, capsys):
     rng = np.random.default_rng(3)
     wanted, y, u = np.repeat(rng.uniform(-1, 1, 100), 20), np.zeros(2000), np.zeros(2000)
     for k in range(1, 2000):
@@ -165,9 +162,7 @@ def test_the_command_judges_an_unstable_model_ahead(at_desk: Path, capsys: pytes
     assert re.search(r"prediction \d+ steps ahead", page)
 
 
-def test_a_lone_wrong_reading_is_named_and_rounding_is_no_structure(
-    at_desk: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_lone_wrong_reading_is_named_and_rounding_is_no_structure(at_desk, capsys):
     record = late(4)
     wrong = record.outputs[0].copy()
     wrong[700] += 50.0

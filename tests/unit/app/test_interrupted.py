@@ -110,7 +110,7 @@ def interrupted_at_a_terminal(
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory):
     """The opening of a recording of an independent rig, and what its experimenter knows."""
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "rig.toml").write_bytes((CASE / "rig.toml").read_bytes())
@@ -120,7 +120,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_ctrl_c_keeps_the_calibrated_plant(recorded: Path, validate: Callable[[str, Path], dict[str, Any]]) -> None:
+def test_ctrl_c_keeps_the_calibrated_plant(recorded, validate):
     arguments = ["diagnose", "rig.toml", "noise.csv", "--jobs", "1", "--json", "--out", "result"]
     status, out, err = interrupted_at_a_terminal(WAITING, arguments, recorded, "looking for a mismatch")
     assert (status, out) == (130, ""), err
@@ -152,7 +152,7 @@ def test_ctrl_c_keeps_the_calibrated_plant(recorded: Path, validate: Callable[[s
 
 
 @pytest.mark.parametrize("interrupt", [by_ctrl_c, by_a_batch_system])
-def test_workers_are_interrupted_without_a_trace(bench: Path, interrupt: Callable[[int], None]) -> None:
+def test_workers_are_interrupted_without_a_trace(bench, interrupt):
     folder = interrupt.__name__
     arguments = ["diagnose", "strip_of_mine:strip", "pulls.csv", "--jobs", "2", "--out", folder]
     status, _, err = interrupted_at_a_terminal(
@@ -165,7 +165,7 @@ def test_workers_are_interrupted_without_a_trace(bench: Path, interrupt: Callabl
 
 
 @pytest.fixture
-def ends_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
+def ends_after(monkeypatch):
     """Lets Ctrl-C come just after a step was finished so many times."""
     take = partial.FinishedSteps.take
 
@@ -183,13 +183,7 @@ def ends_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
     return set_up
 
 
-def test_fits_are_kept_and_the_next_run_starts_anew(
-    on_bench: Path,
-    ends_after: Callable[[str, int], None],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    validate: Callable[[str, Path], dict[str, Any]],
-) -> None:
+def test_fits_are_kept_and_the_next_run_starts_anew(on_bench, ends_after, monkeypatch, capsys, validate):
     take = partial.FinishedSteps.take
     ends_after("fit", 3)
     assert main([*DIAGNOSE, "again"]) == 130
@@ -231,9 +225,7 @@ def test_fits_are_kept_and_the_next_run_starts_anew(
     assert (on_bench / "again" / "diagnosis.json").read_bytes() == before
 
 
-def test_a_judged_fit_replaces_the_rough_one(
-    on_bench: Path, ends_after: Callable[[str, int], None], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_judged_fit_replaces_the_rough_one(on_bench, ends_after, capsys):
     ends_after("verify", 1)
     assert main([*DIAGNOSE, "judged"]) == 130
     fits = [step for step in kept(on_bench / "judged")["steps"] if step["step"] == "fit"]
@@ -244,7 +236,7 @@ def test_a_judged_fit_replaces_the_rough_one(
     assert best["result"]["unseen"] == pytest.approx(2e-3, rel=0.2)
 
 
-def test_a_fit_is_shown_where_no_share_is_told_and_kept_where_it_is_interrupted_then() -> None:
+def test_a_fit_is_shown_where_no_share_is_told_and_kept_where_it_is_interrupted_then():
     said: list[tuple[float, str]] = []
 
     def progress(share: float, doing: str) -> None:
@@ -266,18 +258,14 @@ def test_a_fit_is_shown_where_no_share_is_told_and_kept_where_it_is_interrupted_
     assert "tests of the explanation, 2 fits with effects" in finished._listed()
 
 
-def test_before_the_first_step_nothing_is_written(
-    on_bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_before_the_first_step_nothing_is_written(on_bench, monkeypatch, capsys):
     monkeypatch.setattr(partial.FinishedSteps, "tell", interrupted)
     assert main([*DIAGNOSE, "early"]) == 130
     assert "no step was finished" in capsys.readouterr().err
     assert not (on_bench / "early").exists()
 
 
-def test_what_casadi_makes_of_an_interrupt_is_one(
-    on_bench: Path, mistaken: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_casadi_makes_of_an_interrupt_is_one(on_bench, mistaken, monkeypatch, capsys):
     take = partial.FinishedSteps.take
 
     def taken_for_an_error(self: partial.FinishedSteps, step: Step) -> None:
@@ -290,7 +278,7 @@ def test_what_casadi_makes_of_an_interrupt_is_one(
     assert files(on_bench / "mistaken") == {"partial/steps.json"}
 
 
-def test_files_of_others_in_the_folder_stay(tmp_path: Path) -> None:
+def test_files_of_others_in_the_folder_stay(tmp_path):
     place = tmp_path / "partial"
     place.mkdir()
     for name in ("steps.json", "base_model.json", "mine.json"):
@@ -300,13 +288,7 @@ def test_files_of_others_in_the_folder_stay(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("words", "said"), [((), "interrupted"), (("5 of 7 are through",), "5 of 7 are through")])
-def test_every_command_says_that_it_was_interrupted(
-    words: tuple[str, ...],
-    said: str,
-    on_bench: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_every_command_says_that_it_was_interrupted(words, said, on_bench, monkeypatch, capsys):
     from deatwin.app import given
 
     def stop(*_: object, **__: object) -> None:

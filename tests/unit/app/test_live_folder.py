@@ -35,7 +35,7 @@ def write_result(folder: Path, recordings: dict[str, str] | None = None, **chang
 
 
 @pytest.fixture
-def root(root: Path) -> Path:
+def root(root):
     """The same, with a recording that can be read."""
     (root / "noise.csv").write_text(TABLE, encoding="utf-8")
     return root
@@ -44,23 +44,23 @@ def root(root: Path) -> Path:
 # Names
 
 
-@pytest.mark.parametrize("name", ["../secret.csv", "sub/../../secret.csv", "/etc/hostname", "..", "leads/out.csv"])
-def test_a_name_that_leads_out_of_the_folder_is_refused(name: str, root: Path) -> None:
+@pytest.mark.parametrize(
+    "name", ["../secret.csv", "sub/../../secret.csv", "/etc/hostname", "..", "leads/out.csv", "up/secret.csv"]
+)
+def test_a_name_that_leads_out_of_the_folder_is_refused(name, root):
     (root / "leads").mkdir()
     (root / "leads" / "out.csv").symlink_to(root.parent / "secret.csv")
+    (root / "up").symlink_to(root.parent)
     with pytest.raises(DataError, match="lies outside of"):
         inside(root, name)
 
 
-def test_a_folder_that_is_a_link_outwards_and_one_that_has_a_null_are_refused(root: Path) -> None:
-    (root / "up").symlink_to(root.parent)
-    with pytest.raises(DataError, match="lies outside of"):
-        inside(root, "up/secret.csv")
+def test_a_name_with_a_null_is_refused(root):
     with pytest.raises(DataError, match="this cannot be the name of a file"):
         inside(root, "noise\0.csv")
 
 
-def test_a_name_inside_is_its_path_also_where_the_folder_itself_is_a_link(root: Path) -> None:
+def test_a_name_inside_is_its_path_also_where_the_folder_itself_is_a_link(root):
     (root.parent / "shortcut").symlink_to(root)
     assert inside(root, "noise.csv") == inside(root.parent / "shortcut", "sub/../noise.csv") == root / "noise.csv"
 
@@ -78,12 +78,12 @@ def test_a_name_inside_is_its_path_also_where_the_folder_itself_is_a_link(root: 
         ("U\u0308bung.csv", "Übung.csv"),
     ],
 )
-def test_a_name_that_is_sent_becomes_one_of_a_file_in_the_folder(sent: str, kept: str) -> None:
+def test_a_name_that_is_sent_becomes_one_of_a_file_in_the_folder(sent, kept):
     assert safe_name(sent) == kept
 
 
 @pytest.mark.parametrize("sent", ["", "...", "/", "a" * 101 + ".csv", "con.csv", "LPT1", "a\u202eb.csv"])
-def test_a_name_of_which_nothing_can_be_made_is_refused(sent: str) -> None:
+def test_a_name_of_which_nothing_can_be_made_is_refused(sent):
     with pytest.raises(DataError):
         safe_name(sent)
 
@@ -91,7 +91,7 @@ def test_a_name_of_which_nothing_can_be_made_is_refused(sent: str) -> None:
 # What lies in the folder
 
 
-def test_recordings_rigs_and_results_are_listed_and_nothing_else(root: Path) -> None:
+def test_recordings_rigs_and_results_are_listed_and_nothing_else(root):
     write_result(root / "found")
     for name in ("model.json", "next_input.csv", "figures/residual.csv", "rivals/delay.json", "kept.csv"):
         (root / "found" / name).parent.mkdir(exist_ok=True)
@@ -109,18 +109,18 @@ def test_recordings_rigs_and_results_are_listed_and_nothing_else(root: Path) -> 
     assert desk.whole
 
 
-def test_a_folder_of_results_is_itself_a_result(tmp_path: Path) -> None:
+def test_a_folder_of_results_is_itself_a_result(tmp_path):
     write_result(tmp_path / "found")
     assert Desk.look(tmp_path / "found").results == (".",)
 
 
-def test_a_full_folder_is_listed_in_part_and_says_so(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_folder_is_listed_in_part_and_says_so(root, monkeypatch):
     monkeypatch.setattr(desk, "MOST_FILES", 1)
     part = Desk.look(root)
     assert (len(part.recordings) + len(part.rigs), part.whole) == (1, False)
 
 
-def test_a_name_that_is_taken_is_not_offered(root: Path) -> None:
+def test_a_name_that_is_taken_is_not_offered(root):
     assert free_name(root) == "diagnosis-1"
     (root / "diagnosis-1").mkdir()
     (root / "diagnosis-2").symlink_to("nowhere")
@@ -134,7 +134,7 @@ def left_over(root: Path) -> set[str]:
     return {path.name for path in root.iterdir()} - {"rig.toml", "noise.csv"}
 
 
-def test_a_sound_recording_is_kept_under_its_own_name(root: Path) -> None:
+def test_a_sound_recording_is_kept_under_its_own_name(root):
     assert keep_upload(root, "..\\steps.csv", TABLE.encode(), most_bytes=10_000) == "steps.csv"
     assert (root / "steps.csv").read_text(encoding="utf-8") == TABLE
     assert left_over(root) == {"steps.csv"}
@@ -149,7 +149,7 @@ def test_a_sound_recording_is_kept_under_its_own_name(root: Path) -> None:
         ("key.toml", "[film]\nprestrech = 3", r'^key.toml: .+ line 2, \[film\]: unknown key "prestrech"; did you mean'),
     ],
 )
-def test_what_is_not_taken_leaves_nothing_behind(name: str, content: str, message: str, root: Path) -> None:
+def test_what_is_not_taken_leaves_nothing_behind(name, content, message, root):
     with pytest.raises(DeatwinError, match=message):
         keep_upload(root, name, content.encode(), most_bytes=10_000)
     assert left_over(root) == set()
@@ -157,9 +157,7 @@ def test_what_is_not_taken_leaves_nothing_behind(name: str, content: str, messag
 
 
 @pytest.mark.parametrize("content", [TABLE.replace("0.12,", "0.12,nan"), "", "time_s\n", "\x00\x01"])
-def test_a_bad_recording_is_refused_in_the_words_of_the_command_line(
-    content: str, root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bad_recording_is_refused_in_the_words_of_the_command_line(content, root, monkeypatch, capsys):
     with pytest.raises(DataError) as refused:
         keep_upload(root, "bad.csv", content.encode(), most_bytes=10_000)
     monkeypatch.chdir(root)
@@ -168,13 +166,13 @@ def test_a_bad_recording_is_refused_in_the_words_of_the_command_line(
     assert capsys.readouterr().err == f"error: {refused.value}\n"
 
 
-def test_other_columns_are_read_as_they_are_named(root: Path) -> None:
+def test_other_columns_are_read_as_they_are_named(root):
     content = TABLE.replace("command_V", "U").encode()
     columns = ReadOptions(input_column="U", output_column="displacement_mm", time_column="#1")
     assert keep_upload(root, "other.csv", content, most_bytes=10_000, asked=columns) == "other.csv"
 
 
-def test_a_recording_with_other_columns_is_kept_for_the_page_to_ask_for_them(root: Path) -> None:
+def test_a_recording_with_other_columns_is_kept_for_the_page_to_ask_for_them(root):
     content = TABLE.replace("command_V", "Eingang").encode()
     assert keep_upload(root, "other.csv", content, most_bytes=10_000) == "other.csv"
     found = glance(root, "other.csv", NO_OPTIONS)
@@ -183,7 +181,7 @@ def test_a_recording_with_other_columns_is_kept_for_the_page_to_ask_for_them(roo
     assert [(column.header, column.role) for column in found.columns[:2]] == [("time_s", "time"), ("Eingang", "input")]
 
 
-def test_a_recording_of_two_readings_is_kept_and_the_rig_says_which_column_is_the_second(root: Path) -> None:
+def test_a_recording_of_two_readings_is_kept_and_the_rig_says_which_column_is_the_second(root):
     rows = "".join(f"{0.02 * k:.2f},{2 + 0.1 * (k % 7):.1f},0.3,{k % 5}\n" for k in range(40))
     content = f"time_s,Eingang,stretch_mm,I_mon_nA\n{rows}".encode()
     assert keep_upload(root, "two.csv", content, most_bytes=10_000) == "two.csv"
@@ -202,7 +200,7 @@ def test_a_recording_of_two_readings_is_kept_and_the_rig_says_which_column_is_th
     assert record.reading("current")[4] == pytest.approx(4e-9)
 
 
-def test_a_glance_shows_what_look_says(root: Path) -> None:
+def test_a_glance_shows_what_look_says(root):
     n = np.arange(400)
     u, y = np.sin(0.3 * n) + np.sin(0.17 * n), np.sin(0.3 * n - 0.5) + np.sin(0.17 * n - 0.3)
     np.savetxt(
@@ -215,7 +213,7 @@ def test_a_glance_shows_what_look_says(root: Path) -> None:
     assert page.count("<svg ") == 1 and "var(--after)" in page
 
 
-def test_a_file_without_times_asks_for_its_sample_time(root: Path) -> None:
+def test_a_file_without_times_asks_for_its_sample_time(root):
     (root / "bare.csv").write_text("command_V,displacement_mm\n" + "1.0,0.1\n2.0,0.2\n" * 20, encoding="utf-8")
     assert glance(root, "bare.csv", NO_OPTIONS).needs_sample_time
     assert not glance(root, "bare.csv", ReadOptions(dt=0.02)).needs_sample_time
@@ -224,7 +222,7 @@ def test_a_file_without_times_asks_for_its_sample_time(root: Path) -> None:
 # Verdicts side by side
 
 
-def test_a_verdict_is_read_with_its_recordings(root: Path) -> None:
+def test_a_verdict_is_read_with_its_recordings(root):
     write_result(root / "found", {"rig.toml": "c", "noise.csv": "a"})
     verdict = Verdict.read(root, "found")
     assert (verdict.verdict, verdict.tone, verdict.unit, verdict.fault) == ("named", "good", "µm", "")
@@ -236,7 +234,7 @@ def test_a_verdict_is_read_with_its_recordings(root: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{}", '{"schema": "deatwin/narx/1"}', "[" * 100_000])
-def test_a_damaged_result_is_a_fault_and_no_traceback(text: str, root: Path) -> None:
+def test_a_damaged_result_is_a_fault_and_no_traceback(text, root):
     (root / "broken").mkdir()
     (root / "broken" / "diagnosis.json").write_text(text, encoding="utf-8")
     verdict = Verdict.read(root, "broken")
@@ -244,7 +242,7 @@ def test_a_damaged_result_is_a_fault_and_no_traceback(text: str, root: Path) -> 
     assert "broken/diagnosis.json: " in compare([verdict]).html()
 
 
-def test_a_result_that_lies_outside_is_not_read(root: Path) -> None:
+def test_a_result_that_lies_outside_is_not_read(root):
     write_result(root.parent / "elsewhere")
     assert "lies outside of" in Verdict.read(root, "../elsewhere").fault
     (root / "linked").mkdir()
@@ -252,7 +250,7 @@ def test_a_result_that_lies_outside_is_not_read(root: Path) -> None:
     assert "lies outside of" in Verdict.read(root, "linked").fault
 
 
-def test_errors_of_one_unit_are_drawn_to_one_scale(root: Path) -> None:
+def test_errors_of_one_unit_are_drawn_to_one_scale(root):
     fit = {"fitted": {"before": 40.0, "after": None}, "unseen": {"before": 30.0, "after": None, "gain_low": None}}
     write_result(root / "one")
     write_result(root / "two", fit=fit, causes=[], verdict="unknown")
@@ -269,9 +267,7 @@ def test_errors_of_one_unit_are_drawn_to_one_scale(root: Path) -> None:
         ({"noise.csv": "a"}, None, None),
     ],
 )
-def test_it_is_said_whether_the_recordings_are_the_same(
-    first: dict[str, str], second: dict[str, str] | None, same: bool | None, root: Path
-) -> None:
+def test_it_is_said_whether_the_recordings_are_the_same(first, second, same, root):
     write_result(root / "one", first)
     write_result(root / "two", second)
     verdicts = [Verdict.read(root, name) for name in ("one", "two")]
@@ -279,7 +275,7 @@ def test_it_is_said_whether_the_recordings_are_the_same(
     assert compare(verdicts[:1]).same_recordings is None
 
 
-def test_the_table_says_all_and_nothing_in_it_is_markup(root: Path) -> None:
+def test_the_table_says_all_and_nothing_in_it_is_markup(root):
     write_result(root / "<b>one", {"noise.csv": "a"}, set=["creep", "dielectric_absorption"])
     write_result(root / "two", {"<i>.csv": "b"}, explanations=[{"effects": ["creep"], "probability": 0.91}])
     (root / "two" / "report.html").write_text("", encoding="utf-8")

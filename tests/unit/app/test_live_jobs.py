@@ -64,7 +64,7 @@ def until(true: Callable[[], bool]) -> None:
     raise AssertionError("it did not come to that in half a minute")
 
 
-def test_a_job_is_followed_to_its_end(root: Path) -> None:
+def test_a_job_is_followed_to_its_end(root):
     job = board(root, QUICK).start(order())
     job.wait(30)
     assert (job.state, job.share, job.sentence) == (State.DONE, 1.0, "named: it creeps")
@@ -72,7 +72,7 @@ def test_a_job_is_followed_to_its_end(root: Path) -> None:
     assert Desk.look(root).results == ("found",)
 
 
-def test_what_is_done_within_a_step_is_no_step(root: Path) -> None:
+def test_what_is_done_within_a_step_is_no_step(root):
     job = board(root, "").start(order())
     job.wait(30)
     for share, step in (
@@ -84,7 +84,7 @@ def test_what_is_done_within_a_step_is_no_step(root: Path) -> None:
     assert [step for step, _ in job.steps] == ["fitting the model with added effects", "verifying"]
 
 
-def test_a_job_gets_the_arguments_of_the_command(root: Path) -> None:
+def test_a_job_gets_the_arguments_of_the_command(root):
     asked = order(
         recordings=("-a.csv", "b.csv"), reading=ReadOptions(input_column="-U", dt=0.02, allow_gaps=True), seed=3
     )
@@ -97,19 +97,19 @@ def test_a_job_gets_the_arguments_of_the_command(root: Path) -> None:
 
 
 @pytest.mark.parametrize(("commands", "files"), [("-a.csv", "rig.toml ./-a.csv"), ("", "rig.toml")])
-def test_a_plan_reads_commands_only(commands: str, files: str) -> None:
+def test_a_plan_reads_commands_only(commands, files):
     asked = Planning(rig="rig.toml", out="planned", commands=commands, reading=ReadOptions(output_column="y", dt=0.02))
     assert asked.arguments == f"plan {files} --out planned --seed 0 --dt=0.02".split()
     parsed = worker._parse(asked.arguments)
     assert str(parsed["commands"] or "") == commands
 
 
-def test_a_plan_needs_no_recording_but_a_rig(root: Path) -> None:
+def test_a_plan_needs_no_recording_but_a_rig(root):
     with pytest.raises(DataError, match=r"^choose a rig file$"):
         board(root, QUICK).start(Planning(rig="", out="planned"))
 
 
-def test_a_failed_job_says_why_and_leaves_no_folder(root: Path) -> None:
+def test_a_failed_job_says_why_and_leaves_no_folder(root):
     job = board(root, WRONG).start(order())
     job.wait(30)
     assert (job.state, job.sentence) == (State.FAILED, "noise.csv: no column")
@@ -117,7 +117,7 @@ def test_a_failed_job_says_why_and_leaves_no_folder(root: Path) -> None:
 
 
 @pytest.mark.parametrize("code", [SLOW, STUBBORN], ids=["obedient", "stubborn"])
-def test_a_cancelled_job_ends_whatever_it_does(code: str, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cancelled_job_ends_whatever_it_does(code, root, monkeypatch):
     monkeypatch.setattr(jobs, "GRACE", 0.2)
     job = board(root, code).start(order())
     until(lambda: job.share == 0.25)
@@ -127,7 +127,7 @@ def test_a_cancelled_job_ends_whatever_it_does(code: str, root: Path, monkeypatc
     assert job.state is State.CANCELLED and not (root / "found").exists()
 
 
-def test_what_a_cancelled_job_has_written_stays(root: Path) -> None:
+def test_what_a_cancelled_job_has_written_stays(root):
     job = board(root, "import pathlib; pathlib.Path('found/half.csv').write_text('x')\n" + SLOW).start(order())
     until(lambda: job.share == 0.25)
     job.cancel()
@@ -135,7 +135,7 @@ def test_what_a_cancelled_job_has_written_stays(root: Path) -> None:
     assert (root / "found" / "half.csv").read_text(encoding="utf-8") == "x"
 
 
-def test_the_name_of_a_cancelled_job_that_kept_steps_may_be_used_again(root: Path) -> None:
+def test_the_name_of_a_cancelled_job_that_kept_steps_may_be_used_again(root):
     jobs = board(root, KEEPS)
     first = jobs.start(order())
     until(lambda: first.share == 0.25)
@@ -154,7 +154,7 @@ def test_the_name_of_a_cancelled_job_that_kept_steps_may_be_used_again(root: Pat
 
 
 @pytest.mark.parametrize("beside", ["diagnosis.json", "half.csv", "partial/notes.md", "figures/residual.csv"])
-def test_what_holds_more_than_the_steps_of_a_cancelled_job_is_not_replaced(beside: str, root: Path) -> None:
+def test_what_holds_more_than_the_steps_of_a_cancelled_job_is_not_replaced(beside, root):
     for name in ("partial/steps.json", "partial/base_model.json", beside):
         (root / "found" / name).parent.mkdir(parents=True, exist_ok=True)
         (root / "found" / name).write_text("{}", encoding="utf-8")
@@ -168,7 +168,7 @@ def test_what_holds_more_than_the_steps_of_a_cancelled_job_is_not_replaced(besid
     assert jobs.jobs[0].state is State.DONE
 
 
-def test_a_link_to_the_steps_of_a_cancelled_job_is_not_written_through(root: Path) -> None:
+def test_a_link_to_the_steps_of_a_cancelled_job_is_not_written_through(root):
     (root.parent / "elsewhere" / "partial").mkdir(parents=True)
     (root / "found").symlink_to(root.parent / "elsewhere")
     (root / "second").mkdir()
@@ -178,7 +178,7 @@ def test_a_link_to_the_steps_of_a_cancelled_job_is_not_written_through(root: Pat
             board(root, QUICK).start(order(out=out))
 
 
-def test_closing_the_board_ends_a_job_and_what_it_started(root: Path) -> None:
+def test_closing_the_board_ends_a_job_and_what_it_started(root):
     child = "import os, subprocess, sys\nc = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
     jobs = board(root, child + "open('child', 'w').write(str(c.pid))\n" + SLOW)
     job = jobs.start(order())
@@ -212,14 +212,14 @@ def ended(process: int) -> bool:
         ({"out": "rig.toml"}, "rig.toml: exists already, and results are not replaced"),
     ],
 )
-def test_an_order_that_cannot_be_is_refused(changed: dict[str, Any], message: str, root: Path) -> None:
+def test_an_order_that_cannot_be_is_refused(changed, message, root):
     before = sorted(root.parent.rglob("*"))
     with pytest.raises(DataError, match=re.escape(message)):
         board(root, QUICK).start(order(**changed))
     assert sorted(root.parent.rglob("*")) == before
 
 
-def test_too_many_at_once_are_refused(root: Path) -> None:
+def test_too_many_at_once_are_refused(root):
     jobs = board(root, SLOW)
     for number in range(MOST_RUNNING):
         jobs.start(order(out=f"found-{number}"))
@@ -228,16 +228,14 @@ def test_too_many_at_once_are_refused(root: Path) -> None:
     jobs.close()
 
 
-def test_no_module_of_the_folder_is_imported(root: Path) -> None:
+def test_no_module_of_the_folder_is_imported(root):
     (root / "json.py").write_text("raise SystemExit('taken in')", encoding="utf-8")
     job = Job(root, order(), [sys.executable, "-m", "json.tool", "--help"])
     job.wait(30)
     assert (job.state, job.sentence) == (State.DONE, "")
 
 
-def test_the_worker_hears_an_interrupt_that_was_dropped(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_worker_hears_an_interrupt_that_was_dropped(monkeypatch, capsys):
     def dropped(arguments: Sequence[str]) -> None:
         with suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
@@ -253,9 +251,7 @@ def test_the_worker_hears_an_interrupt_that_was_dropped(
     assert ("interrupted" in said.err, said.out) == (True, "")
 
 
-def test_the_worker_complains_as_the_command_does(
-    root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_worker_complains_as_the_command_does(root, monkeypatch, capsys):
     monkeypatch.chdir(root)
     arguments = ["diagnose", "rig.toml", "noise.csv", "--out", "found"]
     assert (worker.main(arguments), capsys.readouterr().err) == (main(arguments), capsys.readouterr().err)

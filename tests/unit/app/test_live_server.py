@@ -7,9 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
 from http.client import HTTPConnection
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -53,30 +51,30 @@ def ask(kind: str = "http", method: str = "GET", query: str = "", path: str = "/
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8000", "localhost:8000"])
 @pytest.mark.parametrize("kind", ["http", "websocket"])
-def test_a_browser_here_that_has_the_key_is_answered(kind: str, host: str) -> None:
+def test_a_browser_here_that_has_the_key_is_answered(kind, host):
     status, text = ask(kind, host=host, origin=f"http://{host}")
     assert status == 200 and "default-src 'self'" in text and "frame-ancestors 'none'" in text
 
 
 @pytest.mark.parametrize("host", ["evil.example:8000", "127.0.0.1:8001", "127.0.0.1", "localhost.evil.org:8000", ""])
 @pytest.mark.parametrize("kind", ["http", "websocket"])
-def test_another_host_is_refused_also_with_the_key(kind: str, host: str) -> None:
+def test_another_host_is_refused_also_with_the_key(kind, host):
     assert ask(kind, host=host)[0] == (421 if kind == "http" else 1008)
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:8001", "https://127.0.0.1:8000"])
 @pytest.mark.parametrize("kind", ["http", "websocket"])
-def test_another_origin_is_refused_also_with_the_key(kind: str, origin: str) -> None:
+def test_another_origin_is_refused_also_with_the_key(kind, origin):
     assert ask(kind, origin=origin)[0] == (403 if kind == "http" else 1008)
 
 
 @pytest.mark.parametrize("cookie", ["", "deatwin-8000=wrong", "deatwin-8001=secret", "deatwin-8000=", "\x01;;=\xfc"])
 @pytest.mark.parametrize("kind", ["http", "websocket"])
-def test_without_the_key_nothing_is_shown(kind: str, cookie: str) -> None:
+def test_without_the_key_nothing_is_shown(kind, cookie):
     assert ask(kind, cookie=cookie)[0] == (403 if kind == "http" else 1008)
 
 
-def test_the_key_in_the_address_becomes_a_cookie() -> None:
+def test_the_key_in_the_address_becomes_a_cookie():
     status, text = ask(query="key=secret", cookie="")
     assert status == 303 and "deatwin-8000=secret; Path=/; HttpOnly; SameSite=Lax" in text
     assert ask(query="key=wrong", cookie="")[0] == 403
@@ -94,7 +92,7 @@ def test_the_key_in_the_address_becomes_a_cookie() -> None:
         ({"content_length": "10", "transfer_encoding": "chunked"}, 411),
     ],
 )
-def test_no_more_is_taken_than_the_limit(headers: dict[str, str], status: int) -> None:
+def test_no_more_is_taken_than_the_limit(headers, status):
     assert ask(method="POST", **headers)[0] == status
 
 
@@ -102,7 +100,7 @@ def test_no_more_is_taken_than_the_limit(headers: dict[str, str], status: int) -
 
 
 @pytest.fixture
-def server(root: Path) -> Iterator[tuple[Any, dict[str, Any]]]:
+def server(root):
     """The command in a process of its own, and what it printed."""
     pytest.importorskip("nicegui", reason="the live view needs the extra `view`")
     code = "import sys; from deatwin.app.cli import main; sys.exit(main(sys.argv[1:]))"
@@ -111,7 +109,7 @@ def server(root: Path) -> Iterator[tuple[Any, dict[str, Any]]]:
     try:
         text = ""
         while not text.endswith("}\n"):
-            line = process.stdout.readline()  # type: ignore[union-attr]
+            line = process.stdout.readline()
             assert line, "it ended"
             text += line
         yield process, json.loads(text)
@@ -120,9 +118,9 @@ def server(root: Path) -> Iterator[tuple[Any, dict[str, Any]]]:
         process.communicate()
 
 
-def test_the_server_answers_here_only_and_ends_with_ctrl_c(server: tuple[Any, dict[str, Any]], root: Path) -> None:
+def test_the_server_answers_here_only_and_ends_with_ctrl_c(server, root):
     process, printed = server
-    port = int(re.fullmatch(r"http://127\.0\.0\.1:(\d+)/\?key=\S{32}", printed["address"])[1])  # type: ignore[index]
+    port = int(re.fullmatch(r"http://127\.0\.0\.1:(\d+)/\?key=\S{32}", printed["address"])[1])
     (root / "report.html").write_text("<p>found</p>", encoding="utf-8")
 
     def get(path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> tuple[int, Any, str]:
@@ -152,7 +150,7 @@ def test_the_server_answers_here_only_and_ends_with_ctrl_c(server: tuple[Any, di
     assert process.wait(30) == 0
 
 
-def test_a_port_that_is_taken_is_said(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_that_is_taken_is_said(root, capsys):
     pytest.importorskip("nicegui", reason="the live view needs the extra `view`")
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

@@ -47,7 +47,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("kind", FILES)
-def test_the_next_command_works(kind: str, at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_next_command_works(kind, at_desk, capsys):
     name, header, between, options = FILES[kind]
     columns = motion()
     table(name, header, [RNG.permutation(400), *columns[1:]] if kind == "no times" else columns, between)
@@ -57,7 +57,7 @@ def test_the_next_command_works(kind: str, at_desk: Path, capsys: pytest.Capture
     assert Path("narx.json").is_file()
 
 
-def test_what_is_said_and_written(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_said_and_written(at_desk, capsys):
     table("a.csv", "time_s,u,y", motion())
     assert main(["look", "a.csv", "--out", "looked"]) == 0
     said = capsys.readouterr().out
@@ -74,7 +74,7 @@ def test_what_is_said_and_written(at_desk: Path, capsys: pytest.CaptureFixture[s
     assert Path("looked/run.json").is_file()
 
 
-def test_several_files_of_one_kind_are_given_to_one_model(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_several_files_of_one_kind_are_given_to_one_model(at_desk, capsys):
     for name in ("a.csv", "b.csv"):
         table(name, "time_s,command_V,displacement_mm", motion())
     times, u, y = motion()
@@ -85,9 +85,7 @@ def test_several_files_of_one_kind_are_given_to_one_model(at_desk: Path, capsys:
     assert sorted(path.name for path in Path("looked").glob("*.svg")) == ["look_1.svg", "look_2.svg", "look_3.svg"]
 
 
-def test_only_recordings_with_many_frequencies_are_advised_for_a_model(
-    at_desk: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_only_recordings_with_many_frequencies_are_advised_for_a_model(at_desk, capsys):
     times, u, _ = motion()
     for name, command in (("steps.csv", np.repeat(u[::20], 20)), ("noise.csv", u)):
         table(
@@ -102,9 +100,7 @@ def test_only_recordings_with_many_frequencies_are_advised_for_a_model(
 
 
 @pytest.mark.parametrize(("start", "given"), [(40.0, "a.csv b.csv"), (0.0, "--experiment a.csv --experiment b.csv")])
-def test_recordings_on_one_clock_are_one_experiment(
-    at_desk: Path, capsys: pytest.CaptureFixture[str], start: float, given: str
-) -> None:
+def test_recordings_on_one_clock_are_one_experiment(at_desk, capsys, start, given):
     for name, begins in (("a.csv", 0.0), ("b.csv", start)):
         times, u, y = motion()
         table(name, "time_s,command_V,displacement_mm", [times + begins, u, y])
@@ -112,7 +108,7 @@ def test_recordings_on_one_clock_are_one_experiment(
     assert found["next"]["command"] == f"deatwin diagnose looked/rig.toml {given} --out found"
 
 
-def test_a_rig_needs_the_units_of_its_columns(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_rig_needs_the_units_of_its_columns(at_desk, capsys):
     table("a.csv", "time_s,command_V,x", motion())
     found = told(capsys, "a.csv", "--rig", "diaphragm", "--out", "looked")
     assert "x gives no unit" in found["next"]["sentence"] and found["next"]["command"] == ""
@@ -122,7 +118,7 @@ def test_a_rig_needs_the_units_of_its_columns(at_desk: Path, capsys: pytest.Capt
     )
 
 
-def test_columns_that_are_not_linked_lead_to_others(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_columns_that_are_not_linked_lead_to_others(at_desk, capsys):
     times, u, y = motion()
     table("a.csv", "time_s,u,y,z", [times, u, RNG.normal(size=400), y])
     following = told(capsys, "a.csv")["next"]
@@ -130,7 +126,7 @@ def test_columns_that_are_not_linked_lead_to_others(at_desk: Path, capsys: pytes
     assert main(shlex.split(following["command"])[1:]) == 0
 
 
-def test_an_input_that_never_moves_leads_to_no_model(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_input_that_never_moves_leads_to_no_model(at_desk, capsys):
     times, _, y = motion()
     table("a.csv", "time_s,command_V,displacement_mm", [times, np.ones(400), y])
     assert told(capsys, "a.csv")["next"] == {
@@ -139,7 +135,7 @@ def test_an_input_that_never_moves_leads_to_no_model(at_desk: Path, capsys: pyte
     }
 
 
-def test_a_rig_file_to_fill_in(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_rig_file_to_fill_in(at_desk, capsys):
     times, u, y = motion()
     table("a.csv", "time_s,command_V,displacement_mm", [times, 2.0 + 0.3 * u, 0.05 * y])
     assert main(["look", "a.csv", "--rig", "diaphragm", "--out", "looked"]) == 0
@@ -154,7 +150,7 @@ def test_a_rig_file_to_fill_in(at_desk: Path, capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.parametrize("kind", RigKind)
-def test_a_rig_file_before_anything_is_recorded(at_desk: Path, kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_rig_file_before_anything_is_recorded(at_desk, kind, capsys):
     assert main(["look", "--rig", kind, "--out", "looked"]) == 0
     assert "deatwin plan looked/rig.toml --out planned" in capsys.readouterr().out
     path = Path("looked/rig.toml")
@@ -164,7 +160,7 @@ def test_a_rig_file_before_anything_is_recorded(at_desk: Path, kind: str, capsys
 
 
 @pytest.mark.parametrize(("sign", "direction"), [(1.0, "along the motion"), (-1.0, "against the motion")])
-def test_a_sensor_on_the_other_side(at_desk: Path, sign: float, direction: str) -> None:
+def test_a_sensor_on_the_other_side(at_desk, sign, direction):
     times = 0.1 * np.arange(400)
     u = 2.0 + np.sin(times)
     y = 5.0 + sign * 0.01 * u**2 + 1e-3 * np.random.default_rng(1).normal(size=400)
@@ -192,7 +188,7 @@ def test_a_sensor_on_the_other_side(at_desk: Path, sign: float, direction: str) 
         "\x00\x01\x02",
     ],
 )
-def test_an_odd_file_is_no_traceback(at_desk: Path, capsys: pytest.CaptureFixture[str], text: str) -> None:
+def test_an_odd_file_is_no_traceback(at_desk, capsys, text):
     Path("odd.csv").write_text(text, encoding="utf-8")
     status = main(["look", "odd.csv", "--out", "looked"])
     out, error = capsys.readouterr()
@@ -204,7 +200,7 @@ def test_an_odd_file_is_no_traceback(at_desk: Path, capsys: pytest.CaptureFixtur
         assert capsys.readouterr().err.splitlines()[-1] in error.splitlines()
 
 
-def test_a_file_that_lacks_its_sample_time(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_lacks_its_sample_time(at_desk, capsys):
     _, u, y = motion()
     table("a.csv", "u,y", [u, y])
     assert main(["look", "a.csv"]) == 1
@@ -224,9 +220,7 @@ def wiener(rng: np.random.Generator, n: int = 256, periods: int = 4) -> tuple[np
     return u[rows], y[rows], y[rows] + 0.02 * rng.normal(size=periods * n)
 
 
-def test_realisations_in_several_files_are_approximated_together(
-    at_desk: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_realisations_in_several_files_are_approximated_together(at_desk, capsys):
     rng = np.random.default_rng(0)
     runs = [wiener(rng) for _ in range(2)]
     for name, (u, _, y) in zip("ab", runs, strict=True):
@@ -241,9 +235,7 @@ def test_realisations_in_several_files_are_approximated_together(
     assert told["noise_rms"] == pytest.approx(0.02e-3, rel=0.1)
 
 
-def test_periodic_files_that_do_not_fit_together_are_described_one_by_one(
-    at_desk: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_periodic_files_that_do_not_fit_together_are_described_one_by_one(at_desk, capsys):
     rng = np.random.default_rng(0)
     for name, step in (("a", 0.01), ("b", 0.02)):
         u, _, y = wiener(rng)

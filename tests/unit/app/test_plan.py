@@ -3,12 +3,10 @@
 import json
 from pathlib import Path
 
-import pytest
-
 from deatwin.app.cli import main
 
 
-def test_a_plan_for_given_commands(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plan_for_given_commands(on_bench, capsys):
     assert (
         main(["plan", "strip_of_mine:strip", "pulls.csv", "--out", "planned", "--jobs", "1", "--quiet", "--json"]) == 0
     )

@@ -78,14 +78,14 @@ def page_of(diagnosis: Diagnosis, folder: Path) -> str:
     return (made.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
 
 
-def test_what_is_left_unexplained_is_shown_with_its_place(tmp_path: Path) -> None:
+def test_what_is_left_unexplained_is_shown_with_its_place(tmp_path):
     left = Unexplained(rms=1.23, mismatch=9.61, share=0.0164, fitted=1.1, unseen=1.4, place="ball")
     page = page_of(replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left), tmp_path)
     assert "Of a mismatch of 9.61 µm rms, these effects leave 1.23 µm rms unexplained (1.6 % of its power)." in page
     assert "The signals at the ball predict the unexplained mismatch best." in page
 
 
-def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_predict(tmp_path: Path) -> None:
+def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_predict(tmp_path):
     """Creep was tried in the film, a drift at the drive, another effect at the sensor; nothing was tried at the ball."""
     places = (
         PlaceSummary(place="ball", score=0.52, explained=0.5, among_best=False),
@@ -107,7 +107,7 @@ def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_
     ]
 
 
-def test_a_share_that_returns_is_shown_beside_the_errors_of_all_data_that_it_is_of(tmp_path: Path) -> None:
+def test_a_share_that_returns_is_shown_beside_the_errors_of_all_data_that_it_is_of(tmp_path):
     page = page_of(with_everything(), tmp_path)
     (table,) = [one for one in re.findall("<table>.*?</table>", page, re.DOTALL) if "removed effect" in one]
     head = re.findall("<th[^>]*>(.*?)</th>", table)
@@ -122,7 +122,7 @@ def test_a_share_that_returns_is_shown_beside_the_errors_of_all_data_that_it_is_
     assert "over fitted and held-out data together" in page[: page.index("removed effect")]
 
 
-def test_the_number_of_a_tile_stands_alone_on_its_line(tmp_path: Path) -> None:
+def test_the_number_of_a_tile_stands_alone_on_its_line(tmp_path):
     """A tile of a report of 1400 px is too narrow for a number and a remark."""
     made = with_everything()
     sure = replace(made, causes=(replace(made.causes[0], probability=0.95),))
@@ -131,14 +131,14 @@ def test_the_number_of_a_tile_stands_alone_on_its_line(tmp_path: Path) -> None:
     assert shown["probability of creep (maximum)"] == "95 %"
 
 
-def test_a_formula_is_not_said_to_show_the_place_of_the_cause(tmp_path: Path) -> None:
+def test_a_formula_is_not_said_to_show_the_place_of_the_cause(tmp_path):
     form = FreeFormSummary(place="ball", signal="force", terms=(), before=27.1, after=15.8, gain_low=9.0)
     page = page_of(replace(DIAGNOSIS, verdict=Verdict.UNKNOWN, free_form=form), tmp_path)
     assert "as an addition to the force at the ball." in page
     assert "so the place says nothing about where the cause is." in page
 
 
-def test_what_an_advised_input_leaves_undecided_is_named(tmp_path: Path) -> None:
+def test_what_an_advised_input_leaves_undecided_is_named(tmp_path):
     left = ("permittivity_drift", "sensor_drift_at_command_gain")
     advised = AdviceSummary(
         file="next_input.csv",
@@ -156,13 +156,13 @@ def test_what_an_advised_input_leaves_undecided_is_named(tmp_path: Path) -> None
     assert "permittivity drift, drift of the amplifier's gain. So also measure the capacitance." in page
 
 
-def test_an_interval_has_the_prefix_of_its_value() -> None:
+def test_an_interval_has_the_prefix_of_its_value():
     assert with_interval(950.0, 900.0, 1100.0, "Pa") == ("950 Pa", "900 to 1100 Pa")
     assert with_interval(26.1e3, 24.5e3, 27.7e3, "Pa") == ("26.1 kPa", "24.5 to 27.7 kPa")
     assert with_interval(-0.1, -0.12, -0.08, "1") == ("-0.1", "-0.12 to -0.08")
 
 
-def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart() -> None:
+def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
     assert with_interval(25.012, 24.98, 25.04, "s") == ("25.01 s", "24.98 to 25.04 s")
     assert with_interval(25.0, 24.99999, 25.00002, "s") == ("25.00000 s", "24.99999 to 25.00002 s")
     assert with_interval(12345.6, 12340.0, 12351.0, "1") == ("12346", "12340 to 12351")
@@ -172,7 +172,7 @@ def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart() -> None:
     assert in_interval(54.12, 50.2, 59.3) == "54.1 (50.2 to 59.3)"
 
 
-def test_code_of_a_note_is_shown_as_it_is(tmp_path: Path) -> None:
+def test_code_of_a_note_is_shown_as_it_is(tmp_path):
     folder = ResultFolder(tmp_path)
     code = "if a < b:\n        print('<b>')  # two  spaces\n"
     notes = [Note(title="Monday", paragraphs=["Text."], code=code), Note(title="Tuesday", paragraphs=["No code."])]
@@ -293,12 +293,12 @@ def with_everything() -> Diagnosis:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> str:
+def whole(tmp_path_factory):
     """The page with everything."""
     return page_of(with_everything(), tmp_path_factory.mktemp("whole"))
 
 
-def test_the_page_shows_every_step_in_order(whole: str) -> None:
+def test_the_page_shows_every_step_in_order(whole):
     page = whole
     outline = Page(page)
     assert outline.headings == [
@@ -357,13 +357,13 @@ def test_the_page_shows_every_step_in_order(whole: str) -> None:
         assert text in page, text
 
 
-def test_greys_of_the_figures_follow_the_page(whole: str) -> None:
+def test_greys_of_the_figures_follow_the_page(whole):
     drawn = "".join(re.findall(r"<svg.*?</svg>", whole, re.DOTALL))
     assert "color-mix(in srgb, var(--ink) 50%, var(--page))" in drawn  # 0.5, half way between ink and page
     assert re.search(r"#([0-9a-f]{2})\1\1\b", drawn) is None
 
 
-def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
+def test_a_diagnosis_draws_itself_or_says_why_not():
     axes = with_everything().plot()
     assert axes.get_title() == "named: creep"
     assert axes.get_ylabel() == "measured − simulated (µm)"
@@ -426,7 +426,7 @@ EXPLANATIONS = {
         (Verdict.PARTLY, "creep is 91 % likely to be a part of what is missing."),
     ],
 )
-def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Verdict, said: str) -> None:
+def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path, verdict, said):
     detection = DetectionSummary(
         p_value=0.23,
         excess=0.34,
@@ -460,7 +460,7 @@ def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Ve
     assert then.startswith(f"{next_step(diagnosis)}.".replace("`", ""))
 
 
-def test_the_closer_look_of_a_faulty_recording_shows_the_largest_fault() -> None:
+def test_the_closer_look_of_a_faulty_recording_shows_the_largest_fault():
     silent = Recording.from_arrays(np.zeros(1000), np.zeros(1000), 0.02)
     later = Recording.from_arrays(np.zeros(1000), np.zeros(1000), 0.02, start=30.0)
     experiments = (Experiment(recordings=(silent, later)),)
@@ -480,7 +480,7 @@ def test_the_closer_look_of_a_faulty_recording_shows_the_largest_fault() -> None
     assert _faulty(tracks, []) is None
 
 
-def test_the_rest_of_the_highest_probability_is_explained() -> None:
+def test_the_rest_of_the_highest_probability_is_explained():
     sure = replace(DIAGNOSIS, verdict=Verdict.NAMED, explanations=(Explanation(effects=("creep",), probability=0.95),))
     assert how_sure(sure) == "creep is 95 % likely, and the remaining 5 % is kept for causes that were not tried"
     both = replace(sure, explanations=(Explanation(effects=("creep", "delay"), probability=0.95),))

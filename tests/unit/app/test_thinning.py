@@ -1,7 +1,6 @@
 """Recordings that are sampled too fast for a NARX model."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,14 +17,14 @@ from deatwin.plant.rigs.base import ReadingTime
 
 
 @pytest.fixture(scope="module")
-def fast() -> Recording:
+def fast():
     """Noise of 5 Hz through a lag of 20 ms, at 1 kHz."""
     noise = np.random.default_rng(4).standard_normal(20_000)
     u = sosfiltfilt(butter(4, 5.0, fs=1000, output="sos"), noise)
     return Recording.from_arrays(u, lfilter([0.05], [1, -0.95], u), 0.001)
 
 
-def test_it_is_said_and_what_is_offered_does_it(fast: Recording) -> None:
+def test_it_is_said_and_what_is_offered_does_it(fast):
     said = thinned([fast], None, ReadingTime.END_OF_HOLD, held_out=0.3)
     assert said.records == [fast]
     assert "use --decimate auto, which keeps a sample every" in said.notes[0]
@@ -36,7 +35,7 @@ def test_it_is_said_and_what_is_offered_does_it(fast: Recording) -> None:
     assert f"decimated by {factor}" in made.notes[0]
 
 
-def test_a_rate_that_is_not_far_above_the_output_is_not_told() -> None:
+def test_a_rate_that_is_not_far_above_the_output_is_not_told():
     """A time constant of 6 samples under steps of 10, and one of 40 with a light mode at 5 samples a period."""
     rng = np.random.default_rng(6)
     short = np.repeat(rng.uniform(-1, 1, 300), 10)
@@ -50,7 +49,7 @@ def test_a_rate_that_is_not_far_above_the_output_is_not_told() -> None:
         assert said.startswith("not decimated: the sampling time is suitable")
 
 
-def test_a_decimated_model_that_is_worse_than_a_linear_one_is_told(fast: Recording) -> None:
+def test_a_decimated_model_that_is_worse_than_a_linear_one_is_told(fast):
     slower = thinned([fast], "10", ReadingTime.END_OF_HOLD, held_out=0.3).records
     training, unseen = hold_out(slower)
     good = Frols(output_lags=1, input_lags=[0, 1, 2], degree=1).fit(training).model_
@@ -62,7 +61,7 @@ def test_a_decimated_model_that_is_worse_than_a_linear_one_is_told(fast: Recordi
 
 
 @pytest.mark.parametrize("samples", [12, 40])
-def test_a_short_recording_gives_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str], samples: int) -> None:
+def test_a_short_recording_gives_a_model(tmp_path, capsys, samples):
     u = np.random.default_rng(5).standard_normal(samples)
     y = lfilter([0.5], [1.0, -0.6], u)
     write_csv(tmp_path / "r.csv", {"time_s": 0.1 * np.arange(samples), "command_V": u, "displacement_mm": y})
@@ -75,9 +74,7 @@ def test_a_short_recording_gives_a_model(tmp_path: Path, capsys: pytest.CaptureF
         assert found["terms"]["y(k-1)"] == pytest.approx(0.6, abs=1e-3)
 
 
-def test_an_unstable_pole_is_told_though_the_held_out_part_is_too_short_for_tests(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unstable_pole_is_told_though_the_held_out_part_is_too_short_for_tests(tmp_path, capsys):
     rng = np.random.default_rng(0)  # y(k) = 1.1 y(k-1) + u(k-1) + e(k), held by u = 0.5 (r - y): the loop's pole is 0.6
     wanted, y, u = np.repeat(rng.uniform(-1, 1, 13), 20)[:250], np.zeros(250), np.zeros(250)
     for k in range(1, 250):

@@ -6,12 +6,12 @@ One is diagnosed in the gate; all four, and each without anything concealed, hav
 import numpy as np
 import pytest
 from machines import Hidden, machine_record
+from needs import COMPILED
 
 from deatwin.ident.mismatch import Diagnosis, diagnose
 from deatwin.plant import Experiment
-from deatwin.plant.integrator.compiled import compiler
 
-pytestmark = pytest.mark.skipif(compiler() is None, reason="many simulations: without a C compiler they take long")
+pytestmark = COMPILED
 
 HIDDEN = {
     "motor": Hidden(name="coulomb_friction", values={"force": 6e-3, "stiction": 0.4, "unevenness": 0.15}),
@@ -33,7 +33,7 @@ def diagnosis(name: str, hidden: Hidden, seed: int) -> Diagnosis:
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[] if n == "room" else [pytest.mark.study]) for n in HIDDEN])
-def test_what_is_concealed_is_named(name: str) -> None:
+def test_what_is_concealed_is_named(name):
     found = diagnosis(name, HIDDEN[name], 1)
     assert found.verdict.value == "named"
     assert [cause.effect for cause in found.causes] == [HIDDEN[name].name]
@@ -44,7 +44,7 @@ def test_what_is_concealed_is_named(name: str) -> None:
 
 @pytest.mark.study
 @pytest.mark.parametrize("seed", [1, 2])
-def test_plain_friction_is_found_plain(seed: int) -> None:
+def test_plain_friction_is_found_plain(seed):
     (cause,) = diagnosis("motor", Hidden(name="coulomb_friction", values={"force": 6e-3}), seed).causes
     assert cause.effect == "coulomb_friction"
     assert cause.parameters["force"].value == pytest.approx(6e-3, rel=0.02)
@@ -55,5 +55,5 @@ def test_plain_friction_is_found_plain(seed: int) -> None:
 @pytest.mark.study
 @pytest.mark.parametrize("seed", range(1, 6))
 @pytest.mark.parametrize("name", HIDDEN)
-def test_nothing_is_named_where_nothing_is_concealed(name: str, seed: int) -> None:
+def test_nothing_is_named_where_nothing_is_concealed(name, seed):
     assert not diagnosis(name, Hidden(), seed).causes

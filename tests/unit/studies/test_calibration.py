@@ -8,7 +8,7 @@ from deatwin.studies.rates import brier_score, expected_calibration_error, media
 
 
 @pytest.mark.parametrize("count", [6, 25, 88])
-def test_the_interval_of_a_median_holds_it_with_95_percent_and_no_narrower_one_does(count: int) -> None:
+def test_the_interval_of_a_median_holds_it_with_95_percent_and_no_narrower_one_does(count):
     low, high = median_interval(np.arange(1.0, count + 1))
     # The r-th and the (n + 1 - r)-th of n values hold the median with 1 - 2 P(B < r), B binomial of n halves.
     rank = int(low)
@@ -16,7 +16,7 @@ def test_the_interval_of_a_median_holds_it_with_95_percent_and_no_narrower_one_d
     assert 1 - 2 * binom.cdf(rank - 1, count, 0.5) >= 0.95 > 1 - 2 * binom.cdf(rank, count, 0.5)
 
 
-def test_calibration_error_and_brier_score_by_hand() -> None:
+def test_calibration_error_and_brier_score_by_hand():
     stated = [(0.95, True), (0.95, True), (0.95, True), (0.95, False), (0.62, True), (0.62, False)]
     bins = reliability(stated)
     assert [(b.stated, b.came_true.hits, b.came_true.count) for b in bins] == [

@@ -1,7 +1,5 @@
 """Other packages' polynomials as our models: their own free runs, and what is said where they are not installed."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -29,7 +27,7 @@ def learned(peer: Learner) -> NarxModel:
 
 
 @pytest.mark.parametrize("kind", [SysIdentPy, Fastcan])
-def test_the_true_terms_are_read_out_of_a_peer_s_model(kind: Any) -> None:
+def test_the_true_terms_are_read_out_of_a_peer_s_model(kind):
     model = learned(kind(lags=2, degree=2, terms=4))
     found = {str(term): value for term, value in zip(model.terms, model.theta, strict=True) if abs(value) > 1e-6}
     true = {"y(k-1)": 0.5, "y(k-2)u(k-1)": -0.2, "u(k-2)^2": 0.4, "1": 0.3}
@@ -38,7 +36,7 @@ def test_the_true_terms_are_read_out_of_a_peer_s_model(kind: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", [SysIdentPy, Fastcan])
-def test_a_package_that_is_not_installed_is_said_so(kind: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_package_that_is_not_installed_is_said_so(kind, monkeypatch):
     def absent(name: str) -> None:
         raise ModuleNotFoundError(name)
 

@@ -38,7 +38,7 @@ class Input_output_data:
     def __init__(self, u: np.ndarray, y: np.ndarray, sampling_time: float) -> None:
         self.u, self.y, self.sampling_time = u, y, sampling_time
 
-    def __iter__(self):  # type: ignore[no-untyped-def]
+    def __iter__(self):
         yield self.u
         yield self.y
 
@@ -49,7 +49,7 @@ class Benchmarks:
     def __init__(self, cache: Path) -> None:
         self.cache = cache
 
-    def Silverbox(self, train_test_split: bool = True, data_file_locations: bool = False):  # type: ignore[no-untyped-def]
+    def Silverbox(self, train_test_split: bool = True, data_file_locations: bool = False):
         print("dataset not found downloading from somewhere")
         folder = self.cache / "Silverbox" / "SilverboxFiles"
         folder.mkdir(parents=True, exist_ok=True)
@@ -57,7 +57,7 @@ class Benchmarks:
         savemat(files[1], {"V1": BOX[:1], "V2": BOX[1:]})
         return tuple(map(str, files)) if data_file_locations else Input_output_data(BOX[0], BOX[1], 1 / 610.35)
 
-    def Cascaded_Tanks(self, data_file_locations: bool = False):  # type: ignore[no-untyped-def]
+    def Cascaded_Tanks(self, data_file_locations: bool = False):
         folder = self.cache / "Cascaded_Tanks" / "CascadedTanksFiles"
         folder.mkdir(parents=True, exist_ok=True)
         savemat(folder / "dataBenchmark.mat", {**TANKS, "Ts": 4.0})
@@ -67,7 +67,7 @@ class Benchmarks:
             Input_output_data(TANKS[f"u{part}"][:, 0], TANKS[f"y{part}"][:, 0], 4.0) for part in ("Est", "Val")
         )
 
-    def EMPS(self, data_file_locations: bool = False):  # type: ignore[no-untyped-def]
+    def EMPS(self, data_file_locations: bool = False):
         folder = self.cache / "EMPS"
         folder.mkdir(parents=True, exist_ok=True)
         files = [folder / "DATA_EMPS.mat", folder / "DATA_EMPS_PULSES.mat"]
@@ -77,16 +77,14 @@ class Benchmarks:
 
 
 @pytest.fixture
-def benchmarks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Benchmarks:
+def benchmarks(tmp_path, monkeypatch):
     monkeypatch.delenv("DEATWIN_DATA", raising=False)
     package = Benchmarks(tmp_path / "cache")
-    monkeypatch.setitem(sys.modules, "nonlinear_benchmarks", package)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "nonlinear_benchmarks", package)
     return package
 
 
-def test_what_is_downloaded_is_what_its_loader_returns(
-    benchmarks: Benchmarks, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_downloaded_is_what_its_loader_returns(benchmarks, capsys):
     table, file = silverbox_table(data_folder(None, "silverbox"))
     assert capsys.readouterr().out == ""  # standard output is for results
     u, y = benchmarks.Silverbox(train_test_split=False)
@@ -101,7 +99,7 @@ def test_what_is_downloaded_is_what_its_loader_returns(
     assert [path.name for path in emps(data_folder(None, "emps")).files] == ["DATA_EMPS.mat", "DATA_EMPS_PULSES.mat"]
 
 
-def test_a_page_says_where_its_recordings_come_from(benchmarks: Benchmarks, tmp_path: Path) -> None:
+def test_a_page_says_where_its_recordings_come_from(benchmarks, tmp_path):
     _, file = silverbox_table(data_folder(None, "silverbox"))
     ((title, published, way, name, digest),) = origins(None, {"silverbox": [file]}).rows
     assert (title, name) == ("Silverbox", "SNLS80mV.mat") and "Wigren & Schoukens" in published
@@ -110,7 +108,7 @@ def test_a_page_says_where_its_recordings_come_from(benchmarks: Benchmarks, tmp_
     assert origins(tmp_path, {"silverbox": [file]}).rows[0][2] == "the folder given by --data"
 
 
-def test_the_user_s_folder_comes_first(benchmarks: Benchmarks, tmp_path: Path) -> None:
+def test_the_user_s_folder_comes_first(benchmarks, tmp_path):
     (tmp_path / "own" / "silverbox").mkdir(parents=True)
     assert data_folder(tmp_path / "own", "silverbox") == tmp_path / "own" / "silverbox"
     with pytest.raises(DataError, match="no such folder"):
@@ -118,37 +116,35 @@ def test_the_user_s_folder_comes_first(benchmarks: Benchmarks, tmp_path: Path) -
     assert not benchmarks.cache.exists()
 
 
-def test_a_download_that_fails_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_download_that_fails_is_said(monkeypatch):
     def offline(**_: object) -> None:
         raise OSError("the name of the server cannot be resolved")
 
     monkeypatch.delenv("DEATWIN_DATA", raising=False)
-    monkeypatch.setitem(sys.modules, "nonlinear_benchmarks", SimpleNamespace(EMPS=offline))  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "nonlinear_benchmarks", SimpleNamespace(EMPS=offline))
     with pytest.raises(DataError, match=r"could not download the recordings emps \(the name .* --data or DEATWIN_DATA"):
         data_folder(None, "emps")
 
 
 @pytest.mark.parametrize("name", [name for name, source in SOURCES.items() if not source.loader])
-def test_what_the_package_lacks_is_asked_for(name: str, benchmarks: Benchmarks) -> None:
+def test_what_the_package_lacks_is_asked_for(name, benchmarks):
     with pytest.raises(DataError, match=f"recordings {name}: give their folder with --data or DEATWIN_DATA$"):
         data_folder(None, name)
 
 
 @pytest.mark.parametrize("name", ["silverbox", "emps", "cascaded-tanks", "bouc-wen", "vhb4910", "real-data"])
 @pytest.mark.parametrize("given", [[], ["--data", "absent"]])
-def test_without_recordings_no_folder_stays(
-    name: str, given: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_recordings_no_folder_stays(name, given, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("DEATWIN_DATA", raising=False)
-    monkeypatch.setitem(sys.modules, "nonlinear_benchmarks", None)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "nonlinear_benchmarks", None)
     (tmp_path / "kept").mkdir()
     for out in ("one/two", "kept/three", "kept"):
         assert main(["scenario", name, *given, "--out", out, "--quiet"]) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["kept"] and not list((tmp_path / "kept").iterdir())
 
 
-def test_what_is_written_stays(tmp_path: Path) -> None:
+def test_what_is_written_stays(tmp_path):
     with pytest.raises(DataError), ResultFolder(tmp_path / "new" / "results") as folder:
         folder.text("first.txt", "done\n")
         ResultFolder(folder.path / "part").__exit__(DataError, None, None)
@@ -159,8 +155,8 @@ def test_what_is_written_stays(tmp_path: Path) -> None:
     assert (tmp_path / "empty").is_dir()  # asked for, and nothing failed
 
 
-def test_an_interrupted_story_leaves_no_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "stopped_story", SimpleNamespace(run=interrupted))  # type: ignore[arg-type]
+def test_an_interrupted_story_leaves_no_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "stopped_story", SimpleNamespace(run=interrupted))
     own = Story(name="stopped", line="", minutes=1, module="stopped_story")
     monkeypatch.setattr(stories, "entry_points", lambda group: [SimpleNamespace(load=lambda: (own,))])
     assert main(["scenario", "stopped", "--out", str(tmp_path / "new"), "--quiet"]) == 130

@@ -2,7 +2,6 @@
 
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -54,14 +53,14 @@ CASE: dict[str, Any] = {
         },
     ],
 )
-def test_a_case_comes_back_to_the_last_bit(record: dict[str, Any]) -> None:
+def test_a_case_comes_back_to_the_last_bit(record):
     content = encode(record)
     # Python's JSON tells 3 from 3.0, -0.0 from 0.0, True from 1, and writes the shortest text that gives a float back.
     assert json.dumps(decode(content)) == json.dumps(record)
     assert encode(json.loads(json.dumps(record))) == content
 
 
-def test_scipy_and_xarray_read_the_numbers_by_their_path(tmp_path: Path) -> None:
+def test_scipy_and_xarray_read_the_numbers_by_their_path(tmp_path):
     write_case(tmp_path / "one.nc", CASE)
     with netcdf_file(tmp_path / "one.nc", mmap=False) as file:
         assert file.variables["result.gain"].data == 0.1 + 0.2
@@ -84,7 +83,7 @@ def test_scipy_and_xarray_read_the_numbers_by_their_path(tmp_path: Path) -> None
     assert found.attrs["schema"] == "deatwin/case-file/1"
 
 
-def test_names_that_clash_are_told_apart_and_say_what_they_were(tmp_path: Path) -> None:
+def test_names_that_clash_are_told_apart_and_say_what_they_were(tmp_path):
     xarray = pytest.importorskip("xarray")
     write_case(tmp_path / "one.nc", {"a.b": 1, "a": {"b": 2}, "µ/m": 3, "record": 4, "c": [5, 6], "c_0": 7})
     with xarray.open_dataset(tmp_path / "one.nc") as found:
@@ -94,7 +93,7 @@ def test_names_that_clash_are_told_apart_and_say_what_they_were(tmp_path: Path) 
     assert named["c"] == [5, 6] and named["c_0"] == 7
 
 
-def test_no_single_byte_can_be_altered_unseen() -> None:
+def test_no_single_byte_can_be_altered_unseen():
     content = encode({"x": 1.0, "text": "abc", "track": [1, 2]})
     for place in range(len(content)):
         altered = bytearray(content)
@@ -103,7 +102,7 @@ def test_no_single_byte_can_be_altered_unseen() -> None:
             decode(bytes(altered))
 
 
-def test_files_of_others_and_parts_of_files_are_one_clear_error(tmp_path: Path) -> None:
+def test_files_of_others_and_parts_of_files_are_one_clear_error(tmp_path):
     path = tmp_path / "other.nc"
     with netcdf_file(path, "w") as file:
         file.createDimension("x", 3)
@@ -111,15 +110,15 @@ def test_files_of_others_and_parts_of_files_are_one_clear_error(tmp_path: Path) 
     with pytest.raises(DataError, match=r"other\.nc: no file of a case; .*delete it"):
         read_case(path)
     content = encode(CASE)
-    for length in range(0, len(content), 7):
-        path.write_bytes(content[:length])
+    for spoilt in (*(content[:length] for length in range(0, len(content), 7)), content + b"\0"):
+        path.write_bytes(spoilt)
         with pytest.raises(DataError, match=r"other\.nc: (no file of a case|damaged or altered); .*delete it"):
             read_case(path)
     with pytest.raises(DataError, match=r"none\.nc: this case has not been run"):
         read_case(tmp_path / "none.nc")
 
 
-def test_a_file_that_cannot_be_written_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_written_leaves_nothing_behind(tmp_path):
     (tmp_path / "one.nc").mkdir()
     (tmp_path / "one.nc" / "held").touch()
     with pytest.raises(DataError, match=r"one\.nc: is a folder; give the name of a file"):

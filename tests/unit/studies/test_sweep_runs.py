@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -87,9 +87,7 @@ def run(folder: Path, jobs: int | None, **options: Any) -> CaseStore:
 
 
 @pytest.fixture(scope="module")
-def alone_on_one_core(
-    files: Callable[..., dict[str, bytes]], tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, bytes]:
+def alone_on_one_core(files, tmp_path_factory):
     """The files that one core writes without any trouble."""
     folder = tmp_path_factory.mktemp("one")
     store = run(folder, 1)
@@ -99,7 +97,7 @@ def alone_on_one_core(
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
+def cluster():
     """Two dask workers, each a process of its own."""
     distributed = pytest.importorskip("distributed")
     with (
@@ -112,7 +110,7 @@ def cluster() -> Iterator[Any]:
 # --- the same wherever it runs, nothing lost, nothing repeated --------------------------------------------------------
 
 
-def test_a_case_file_holds_what_the_work_returned(alone_on_one_core: dict[str, bytes]) -> None:
+def test_a_case_file_holds_what_the_work_returned(alone_on_one_core):
     found = decode(alone_on_one_core["case-07.nc"])
     stamp = {"schema": "deatwin/test-case/1", "seal": SEAL.hash, "name": "case-07"}
     assert math.isnan(found.pop("odd"))
@@ -122,9 +120,7 @@ def test_a_case_file_holds_what_the_work_returned(alone_on_one_core: dict[str, b
 
 
 @posix
-def test_two_processes_of_which_one_is_killed_write_the_same_bytes(
-    tmp_path: Path, alone_on_one_core: dict[str, bytes], files: Callable[..., dict[str, bytes]]
-) -> None:
+def test_two_processes_of_which_one_is_killed_write_the_same_bytes(tmp_path, alone_on_one_core, files):
     (tmp_path / "trap-case-05").touch()
     told: list[tuple[float, str]] = []
     store = run(tmp_path, 2, tell=lambda share, text: told.append((share, text)))
@@ -139,9 +135,7 @@ def test_two_processes_of_which_one_is_killed_write_the_same_bytes(
 
 
 @posix
-def test_a_dask_cluster_of_which_a_worker_is_killed_writes_the_same_bytes(
-    tmp_path: Path, alone_on_one_core: dict[str, bytes], cluster: Any, files: Callable[..., dict[str, bytes]]
-) -> None:
+def test_a_dask_cluster_of_which_a_worker_is_killed_writes_the_same_bytes(tmp_path, alone_on_one_core, cluster, files):
     (tmp_path / "trap-case-09").touch()
     with parallel_config(backend="dask"):
         store = run(tmp_path, None)
@@ -152,9 +146,7 @@ def test_a_dask_cluster_of_which_a_worker_is_killed_writes_the_same_bytes(
     assert len(processes) >= 2 and str(os.getpid()) not in processes
 
 
-def test_a_plant_simulated_here_in_two_processes_and_on_a_cluster_reads_the_same(
-    files: Callable[..., dict[str, bytes]], tmp_path: Path, cluster: Any
-) -> None:
+def test_a_plant_simulated_here_in_two_processes_and_on_a_cluster_reads_the_same(files, tmp_path, cluster):
     cases = grid(share=[0.5, 0.8, 1.0])
     found = [run_study(cases, simulate, tmp_path / "1", jobs=1), run_study(cases, simulate, tmp_path / "2", jobs=2)]
     with parallel_config(backend="dask"):
@@ -200,9 +192,7 @@ def is_running(process: int) -> bool:
 
 
 @pytest.mark.skipif(not Path("/proc").exists(), reason="how processes end is read from /proc")
-def test_a_run_of_which_the_master_is_killed_is_gone_on_with(
-    tmp_path: Path, alone_on_one_core: dict[str, bytes], files: Callable[..., dict[str, bytes]]
-) -> None:
+def test_a_run_of_which_the_master_is_killed_is_gone_on_with(tmp_path, alone_on_one_core, files):
     master = started(tmp_path, "sweep")
     master.kill()
     master.communicate()
@@ -219,7 +209,7 @@ def test_a_run_of_which_the_master_is_killed_is_gone_on_with(
 
 
 @posix
-def test_control_c_leaves_usable_results_and_a_clear_line(tmp_path: Path) -> None:
+def test_control_c_leaves_usable_results_and_a_clear_line(tmp_path):
     master = started(tmp_path, "study")
     master.send_signal(signal.SIGINT)
     said = master.communicate(timeout=30)[1].splitlines()[-1]
@@ -233,7 +223,7 @@ def test_control_c_leaves_usable_results_and_a_clear_line(tmp_path: Path) -> Non
 
 
 @posix
-def test_what_a_fit_kept_when_it_was_interrupted_is_no_result(tmp_path: Path) -> None:
+def test_what_a_fit_kept_when_it_was_interrupted_is_no_result(tmp_path):
     store = CaseStore(tmp_path, SEAL)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
@@ -251,7 +241,7 @@ def best_so_far(name: str) -> dict[str, Any]:
 
 
 @posix
-def test_a_case_of_which_the_worker_is_terminated_is_run_again(tmp_path: Path) -> None:
+def test_a_case_of_which_the_worker_is_terminated_is_run_again(tmp_path):
     (tmp_path / "trap").touch()
     store = CaseStore(tmp_path, SEAL)
     run_sweep(partial(terminated_once, tmp_path), {name: name for name in NAMES[:4]}, store, jobs=2)
@@ -268,7 +258,7 @@ def terminated_once(folder: Path, name: str) -> dict[str, Any]:
 
 
 @posix
-def test_a_case_that_always_ends_its_worker_is_given_up_and_no_other(tmp_path: Path) -> None:
+def test_a_case_that_always_ends_its_worker_is_given_up_and_no_other(tmp_path):
     store = CaseStore(tmp_path, SEAL)
     with pytest.raises(DataError, match=r"died each of 2 times that it ran case-03 \(memory\?\)"):
         run_sweep(partial(deadly, "case-03"), {name: name for name in NAMES[:8]}, store, jobs=2)
@@ -282,14 +272,14 @@ def deadly(victim: str, name: str) -> dict[str, Any]:
 
 
 @pytest.fixture(autouse=True)
-def few_deaths(monkeypatch: pytest.MonkeyPatch) -> None:
+def few_deaths(monkeypatch):
     from deatwin.studies.sweep import run as running
 
     monkeypatch.setattr(running, "MOST_DEATHS", 2)
     monkeypatch.setattr(running, "TOGETHER", 1)
 
 
-def test_an_error_of_the_work_stops_a_sweep_and_keeps_what_is_through(tmp_path: Path) -> None:
+def test_an_error_of_the_work_stops_a_sweep_and_keeps_what_is_through(tmp_path):
     store = CaseStore(tmp_path, SEAL)
     with pytest.raises(ZeroDivisionError):
         run_sweep(failing, {name: name for name in NAMES[:4]}, store, jobs=1)
@@ -301,7 +291,7 @@ def failing(name: str) -> dict[str, Any]:
     return {"share": 1 / (2 - int(name[-2:]))}
 
 
-def test_the_users_backend_is_used(tmp_path: Path) -> None:
+def test_the_users_backend_is_used(tmp_path):
     with parallel_config(backend="threading", n_jobs=2):
         there = run_study(grid(value=[1, 2, 3]), process, tmp_path / "threads")
     assert {found["result"]["process"] for found in there} == {os.getpid()}
@@ -310,7 +300,7 @@ def test_the_users_backend_is_used(tmp_path: Path) -> None:
     assert os.getpid() not in {found["result"]["process"] for found in away}
 
 
-def test_no_backend_is_forced_anywhere() -> None:
+def test_no_backend_is_forced_anywhere():
     """Whoever calls joblib leaves the backend to the user's configuration."""
     calls = {
         path: re.findall(r"Parallel\(([^\n]*)\)\(|parallel_(?:backend|config)\(", path.read_text(encoding="utf-8"))
@@ -322,7 +312,7 @@ def test_no_backend_is_forced_anywhere() -> None:
     assert [call for call in made if not call or re.search("backend|prefer|require", call)] == []
 
 
-def test_a_second_run_at_the_same_time_is_refused(tmp_path: Path) -> None:
+def test_a_second_run_at_the_same_time_is_refused(tmp_path):
     store = CaseStore(tmp_path, SEAL)
     with exclusive_lock(tmp_path / "running"), pytest.raises(DataError, match="another process is running these cases"):
         run_sweep(numbers, {"case-00": "case-00"}, store)
@@ -341,5 +331,5 @@ time.sleep(30)
 
 
 @posix
-def test_a_worker_that_starts_after_its_master_was_killed_ends() -> None:
+def test_a_worker_that_starts_after_its_master_was_killed_ends():
     assert subprocess.run([sys.executable, "-c", ORPHAN], timeout=60, check=False).returncode == 1

@@ -1,8 +1,6 @@
 """The store of a sweep's cases: its seal, spoilt and foreign cases, and how many of them lie side by side."""
 
 import json
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -16,7 +14,7 @@ SEAL = SweepSeal(schema="deatwin/test-case/1", parts={"seed": 1})
 NAMES = [f"case-{number:02d}" for number in range(24)]
 
 
-def test_a_folder_begun_under_another_seal_is_refused_and_told_what_differs(tmp_path: Path) -> None:
+def test_a_folder_begun_under_another_seal_is_refused_and_told_what_differs(tmp_path):
     numbers, versions = {"a.B": 1.0, "a.C": 3.0}, {"numpy": "2.0"}
     parts = {"seed": 1, "code": "a" * 64, "thresholds": numbers, "versions": versions}
     first = SweepSeal(schema="deatwin/test-case/1", parts=parts)
@@ -28,7 +26,7 @@ def test_a_folder_begun_under_another_seal_is_refused_and_told_what_differs(tmp_
     assert CaseStore(tmp_path, first).get("one")["x"] == 1
 
 
-def test_a_result_is_not_written_into_a_folder_sealed_anew_nor_over_one_that_is_there(tmp_path: Path) -> None:
+def test_a_result_is_not_written_into_a_folder_sealed_anew_nor_over_one_that_is_there(tmp_path):
     store = CaseStore(tmp_path, SEAL)
     store.put("one", {"x": 1})
     store.put("one", {"x": 2})
@@ -42,17 +40,12 @@ def test_a_result_is_not_written_into_a_folder_sealed_anew_nor_over_one_that_is_
     ("spoil", "words"),
     [
         (lambda whole: b"", r"one\.nc: no file of a case; .*delete it, and the case is run again"),
-        (lambda whole: b'{"x": 1}', "one.nc: no file of a case; .*delete it"),
         (lambda whole: whole[:-1], "one.nc: damaged or altered; .*delete it"),
-        (lambda whole: whole[: len(whole) // 2], "one.nc: damaged or altered; .*delete it"),
-        (lambda whole: whole + b"\0", "one.nc: damaged or altered"),
-        (lambda whole: whole[:-1] + b"\x07", "one.nc: damaged or altered"),
-        (lambda whole: whole.replace(b'"x": 1', b'"x": 2'), "one.nc: damaged or altered"),
         (lambda whole: encode({**decode(whole), "seal": "0" * 64}), "one.nc: .* another seal"),
         (lambda whole: encode({**decode(whole), "name": "two"}), "one.nc: .* another seal"),
     ],
 )
-def test_a_spoilt_case_is_one_clear_error(tmp_path: Path, spoil: Callable[[bytes], bytes], words: str) -> None:
+def test_a_spoilt_case_is_one_clear_error(tmp_path, spoil, words):
     store = CaseStore(tmp_path, SEAL)
     store.put("one", {"x": 1})
     store.path("one").write_bytes(spoil(store.path("one").read_bytes()))
@@ -60,7 +53,7 @@ def test_a_spoilt_case_is_one_clear_error(tmp_path: Path, spoil: Callable[[bytes
         store.get("one")
 
 
-def test_cases_without_a_seal_and_an_altered_seal_are_refused(tmp_path: Path) -> None:
+def test_cases_without_a_seal_and_an_altered_seal_are_refused(tmp_path):
     CaseStore(tmp_path, SEAL).put("one", {})
     path = tmp_path / "seal.json"
     text = path.read_text()
@@ -72,7 +65,7 @@ def test_cases_without_a_seal_and_an_altered_seal_are_refused(tmp_path: Path) ->
         CaseStore(tmp_path, SEAL)
 
 
-def test_many_cases_are_spread_and_few_are_not(tmp_path: Path) -> None:
+def test_many_cases_are_spread_and_few_are_not(tmp_path):
     few = CaseStore(tmp_path / "few", SEAL, expected=storing.SIDE_BY_SIDE)
     many = CaseStore(tmp_path / "many", SEAL, expected=storing.SIDE_BY_SIDE + 1)
     for store in (few, many):
@@ -89,6 +82,6 @@ def test_many_cases_are_spread_and_few_are_not(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["../out", "a/b", "", ".hidden", "a" * 201, "nul\0"])
-def test_a_name_that_is_no_file_is_refused(tmp_path: Path, name: str) -> None:
+def test_a_name_that_is_no_file_is_refused(tmp_path, name):
     with pytest.raises(DataError, match="a case cannot be called"):
         CaseStore(tmp_path, SEAL).put(name, {})

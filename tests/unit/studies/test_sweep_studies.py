@@ -6,7 +6,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,11 +33,11 @@ def lazy(case: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
 
 
 @pytest.fixture
-def study(tmp_path: Path) -> Study:
+def study(tmp_path):
     return run_study(grid(value=[2, 3, 5], kind=["a", None]), square, tmp_path / "study", seed=4)
 
 
-def test_the_results_are_one_table(study: Study, tmp_path: Path) -> None:
+def test_the_results_are_one_table(study, tmp_path):
     xarray = pytest.importorskip("xarray")
     table = study.to_xarray()
     assert table.sizes == {"case": 6, "track_0": 4}
@@ -55,15 +55,13 @@ def test_the_results_are_one_table(study: Study, tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["study", "all.nc"] or sorted(os.listdir(tmp_path)) == ["all.nc", "study"]
 
 
-def test_an_interrupt_that_became_an_error_is_no_result(
-    mistaken: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_an_interrupt_that_became_an_error_is_no_result(mistaken, monkeypatch, tmp_path):
     monkeypatch.setattr(np, "arange", mistaken)  # which `square` takes
     with pytest.raises(KeyboardInterrupt, match="0 of 1 cases are finished"):
         run_study(grid(value=[2]), square, tmp_path / "study", jobs=1)
 
 
-def test_what_a_case_draws_depends_on_seed_and_case_alone(study: Study, tmp_path: Path) -> None:
+def test_what_a_case_draws_depends_on_seed_and_case_alone(study, tmp_path):
     def drawn(cases: list[dict[str, Any]], seed: int) -> dict[int, float]:
         found = run_study(cases, square, tmp_path / f"{len(cases)}-{seed}", seed=seed)
         return {each["case"]["value"]: each["result"]["drawn"] for each in found}
@@ -73,7 +71,7 @@ def test_what_a_case_draws_depends_on_seed_and_case_alone(study: Study, tmp_path
     assert set(few.values()).isdisjoint(other.values())
 
 
-def test_a_study_is_extended_and_its_failures_run_again(study: Study, files: Callable[..., dict[str, bytes]]) -> None:
+def test_a_study_is_extended_and_its_failures_run_again(study, files):
     before = files(study.store)
     cases = grid(value=[2, 3, 5, 6], kind=["a", None])
     more = run_study(cases, square, study.store.folder, seed=4)
@@ -92,16 +90,14 @@ def test_a_study_is_extended_and_its_failures_run_again(study: Study, files: Cal
         ({"work": lazy}, 'work: "square" there, "lazy" now'),
     ],
 )
-def test_a_study_is_not_mixed_with_another(study: Study, changed: dict[str, Any], words: str) -> None:
+def test_a_study_is_not_mixed_with_another(study, changed, words):
     given: dict[str, Any] = {"work": square, "seed": 4, **changed}
     with pytest.raises(DataError, match=words):
         run_study(grid(value=[2]), folder=study.store.folder, **given)
 
 
 @pytest.mark.parametrize("changed", ["versions", "sources_digest", "digest"])
-def test_a_study_is_not_mixed_with_one_of_another_version_or_code(
-    study: Study, changed: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_study_is_not_mixed_with_one_of_another_version_or_code(study, changed, monkeypatch):
     from deatwin.studies import provenance
     from deatwin.studies.sweep import study as own
 
@@ -115,7 +111,7 @@ def test_a_study_is_not_mixed_with_one_of_another_version_or_code(
 
 
 @pytest.mark.parametrize("unfit", [lambda case, rng: {}, partial(square), Study])
-def test_work_that_could_hold_unseen_values_is_refused(tmp_path: Path, unfit: Any) -> None:
+def test_work_that_could_hold_unseen_values_is_refused(tmp_path, unfit):
     with pytest.raises(DataError, match="must be a function of a module"):
         run_study([], unfit, tmp_path)
 
@@ -128,7 +124,7 @@ def test_work_that_could_hold_unseen_values_is_refused(tmp_path: Path, unfit: An
         ([{"value": [1]}], r"case 0: value is \[1\]; it must be a finite number"),
     ],
 )
-def test_cases_that_cannot_be_told_apart_or_written_are_refused(tmp_path: Path, cases: Any, words: str) -> None:
+def test_cases_that_cannot_be_told_apart_or_written_are_refused(tmp_path, cases, words):
     with pytest.raises(DataError, match=words):
         run_study(cases, square, tmp_path)
 
@@ -141,7 +137,7 @@ def odd(case: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
     return {"spectrum": np.array([1j])}
 
 
-def test_results_that_make_no_table_are_clear_errors(tmp_path: Path) -> None:
+def test_results_that_make_no_table_are_clear_errors(tmp_path):
     study = run_study(grid(value=[1, 2]), uneven, tmp_path / "uneven")
     with pytest.raises(DataError, match=r"track has arrays of several shapes, \(1,\) and \(2,\)"):
         study.to_xarray()
@@ -154,7 +150,7 @@ def test_results_that_make_no_table_are_clear_errors(tmp_path: Path) -> None:
     assert not (tmp_path / "none").exists()
 
 
-def test_the_example_of_the_documents_runs(tmp_path: Path) -> None:
+def test_the_example_of_the_documents_runs(tmp_path):
     page = (ROOT / "docs" / "how-to" / "run-a-study.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"^```python title=\"stiffness_study.py\"\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     assert len(code.splitlines()) <= 30

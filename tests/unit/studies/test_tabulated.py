@@ -8,7 +8,7 @@ from deatwin.studies.report.drawing import draw, draw_map, share_bar
 from deatwin.studies.report.tables import drawn_table
 
 
-def test_lines_maps_and_hidden_labels_are_told_with_their_panels() -> None:
+def test_lines_maps_and_hidden_labels_are_told_with_their_panels():
     with draw((4.0, 3.0)) as figure:
         left, right = figure.subplots(1, 2)
         left.plot([0.0, 1.0], [2.0, 3.0], label="_second actuator")

@@ -7,7 +7,6 @@ import sys
 import threading
 import time
 from contextlib import suppress
-from typing import Any
 
 import pytest
 
@@ -32,7 +31,7 @@ class Clock:
         return self.waits < 0
 
 
-def test_a_line_comes_every_half_minute(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_line_comes_every_half_minute(capsys):
     clock = Clock(waits=3)
     progress = PlainProgress("reading", clock)
     progress.tell(0.0, "calibrating the model")
@@ -57,7 +56,7 @@ def test_a_line_comes_every_half_minute(capsys: pytest.CaptureFixture[str]) -> N
     ]
 
 
-def test_the_time_left_grows_by_a_quarter_at_most_while_nothing_is_told() -> None:
+def test_the_time_left_grows_by_a_quarter_at_most_while_nothing_is_told():
     clock = Clock(waits=0)
     progress = PlainProgress("reading", clock)
     progress.tell(0.0, "fitting")
@@ -79,9 +78,7 @@ def test_the_time_left_grows_by_a_quarter_at_most_while_nothing_is_told() -> Non
         ((0.0,), 100.0, (0.5, "5 of 10, about 7 min left"), "5 of 10, about 7 min left, 50 % done"),  # told by the work
     ],
 )
-def test_the_time_left_is_judged_by_what_this_run_did(
-    begun: tuple[Any, ...], seconds: float, told: tuple[Any, ...], line: str
-) -> None:
+def test_the_time_left_is_judged_by_what_this_run_did(begun, seconds, told, line):
     clock = Clock(waits=0)
     progress = PlainProgress("study", clock)
     progress.tell(*begun)
@@ -90,7 +87,7 @@ def test_the_time_left_is_judged_by_what_this_run_did(
     assert progress.line == line
 
 
-def test_no_time_is_guessed_from_nothing() -> None:
+def test_no_time_is_guessed_from_nothing():
     clock = Clock(waits=0)
     progress = PlainProgress("reading", clock)
     assert progress.line == "reading, 0 % done, unknown time left"
@@ -100,7 +97,7 @@ def test_no_time_is_guessed_from_nothing() -> None:
     assert progress.line == "calibrating, 2 % done, unknown time left"
 
 
-def test_control_characters_do_not_pass() -> None:
+def test_control_characters_do_not_pass():
     progress = PlainProgress("one\ntwo")
     progress.tell(0.0, "a\x1b[2Kb\r\nc\x07")
     assert progress.line.startswith("a [2Kb c, 0 % done")
@@ -108,9 +105,7 @@ def test_control_characters_do_not_pass() -> None:
 
 
 @pytest.mark.parametrize("as_json", [False, True])
-def test_off_a_terminal_lines_go_to_stderr_while_the_work_runs(
-    as_json: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_off_a_terminal_lines_go_to_stderr_while_the_work_runs(as_json, monkeypatch, capsys):
     monkeypatch.setattr(voice, "EVERY", 0.01)
     with Voice(as_json=as_json).progress("reading") as tell:
         tell(0.25, "fitting")
@@ -133,7 +128,7 @@ def seen(capsys: pytest.CaptureFixture[str]) -> str:
     return text
 
 
-def test_a_quiet_command_says_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_quiet_command_says_nothing(monkeypatch, capsys):
     monkeypatch.setattr(voice, "EVERY", 0.01)
     with Voice(quiet=True).progress("reading") as tell:
         tell(0.25, "fitting")
@@ -146,7 +141,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_on_a_terminal_there_is_a_bar_and_no_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_on_a_terminal_there_is_a_bar_and_no_line(monkeypatch):
     monkeypatch.setattr(voice, "EVERY", 0.01)
     monkeypatch.setenv("TERM", "xterm")
     terminal = Terminal()
@@ -158,7 +153,7 @@ def test_on_a_terminal_there_is_a_bar_and_no_line(monkeypatch: pytest.MonkeyPatc
     assert "% done" not in terminal.getvalue()
 
 
-def test_lines_that_nobody_takes_do_not_end_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lines_that_nobody_takes_do_not_end_the_work(monkeypatch):
     closed = io.StringIO()
     closed.close()
     monkeypatch.setattr(sys, "stderr", closed)
@@ -167,7 +162,7 @@ def test_lines_that_nobody_takes_do_not_end_the_work(monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("quiet", [True, False])
-def test_an_interrupt_that_was_dropped_ends_the_work_at_its_next_word(quiet: bool, number: signal.Signals) -> None:
+def test_an_interrupt_that_was_dropped_ends_the_work_at_its_next_word(quiet, number):
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with forward_signals(*ORDINARY), Voice(quiet=quiet).progress("work") as tell:
@@ -191,7 +186,7 @@ class Finalised:
         signal.raise_signal(signal.SIGINT)
 
 
-def test_an_interrupt_that_a_callback_swallows_is_obeyed_and_not_printed() -> None:
+def test_an_interrupt_that_a_callback_swallows_is_obeyed_and_not_printed():
     before, hook, printed = signal.signal(signal.SIGINT, signal.default_int_handler), sys.unraisablehook, []
     sys.unraisablehook = printed.append
     try:
@@ -204,11 +199,11 @@ def test_an_interrupt_that_a_callback_swallows_is_obeyed_and_not_printed() -> No
         signal.signal(signal.SIGINT, before)
 
 
-def test_errors_of_threads_are_printed_only_until_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_of_threads_are_printed_only_until_an_interrupt(monkeypatch):
     before, printed = signal.signal(signal.SIGINT, signal.default_int_handler), []
     monkeypatch.setattr(threading, "excepthook", printed.append)
 
-    def fail() -> None:
+    def fail():
         thread = threading.Thread(target=[].pop)
         thread.start()
         thread.join()
@@ -224,7 +219,7 @@ def test_errors_of_threads_are_printed_only_until_an_interrupt(monkeypatch: pyte
         signal.signal(signal.SIGINT, before)
 
 
-def test_what_casadi_makes_of_an_interrupt_is_one_only_where_one_was_asked_for() -> None:
+def test_what_casadi_makes_of_an_interrupt_is_one_only_where_one_was_asked_for():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def asked_and(error: Exception) -> None:
@@ -244,7 +239,7 @@ def test_what_casadi_makes_of_an_interrupt_is_one_only_where_one_was_asked_for()
         signal.signal(signal.SIGINT, before)
 
 
-def test_a_batch_system_is_heard_where_ctrl_c_is_ignored() -> None:
+def test_a_batch_system_is_heard_where_ctrl_c_is_ignored():
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as of what a shell runs in the background
     try:
         with forward_signals(*ORDINARY), Voice().progress("work") as tell:
@@ -257,13 +252,13 @@ def test_a_batch_system_is_heard_where_ctrl_c_is_ignored() -> None:
         signal.signal(signal.SIGINT, before)
 
 
-def test_a_worker_leaves_what_kills_it_alone() -> None:
+def test_a_worker_leaves_what_kills_it_alone():
     with forward_signals():
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_where_interrupts_are_ignored_they_stay_so(number: signal.Signals) -> None:
+def test_where_interrupts_are_ignored_they_stay_so(number):
     before = signal.signal(number, signal.SIG_IGN)
     try:
         with forward_signals(*ORDINARY), Voice().progress("work") as tell:

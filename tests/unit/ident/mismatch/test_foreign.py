@@ -45,7 +45,7 @@ def require_the_same(one: Diagnosis, other: Diagnosis, effect: Effect) -> None:
         assert found.high - found.low == pytest.approx(width, rel=0.1)
 
 
-def test_the_diagnosis_is_that_of_the_same_equations() -> None:
+def test_the_diagnosis_is_that_of_the_same_equations():
     few = [SIZES.of(effect) for effect in (DeadZone(width=0.1), SensorCurvature(), AmplifierOffset())]
     one, other = both(few[0], few, 600)
     require_the_same(one, other, few[0])
@@ -66,12 +66,12 @@ CONCEALED = [
 
 @pytest.mark.study
 @pytest.mark.parametrize("effect", CONCEALED, ids=lambda e: e.name)
-def test_each_effect_is_found_alike_among_all(effect: Effect) -> None:
+def test_each_effect_is_found_alike_among_all(effect):
     require_the_same(*both(effect), effect)
 
 
 @pytest.mark.study
-def test_a_parameter_that_drifts_is_named() -> None:
+def test_a_parameter_that_drifts_is_named():
     drift = ParameterDrift(parameter="constant", relative_change=-0.2, time=20.0)
     _, plant = plants(drift, varying=("constant",))
     made = plant.with_values({"inertia": 1.2e-4}).record(experiment(commands(3000, seed=1)), np.random.default_rng(2))

@@ -33,26 +33,20 @@ def fitted(change: float, deviation: float, correlation: float = 0.0, determined
 @pytest.mark.parametrize(
     ("change", "deviations", "absent"), [(2e-5, 3.0, False), (-2e-5, 3.0, False), (2e-5, 1.5, True), (-2e-5, 1.5, True)]
 )
-def test_an_effect_may_be_absent_if_its_strength_may_be_zero(change: float, deviations: float, absent: bool) -> None:
+def test_an_effect_may_be_absent_if_its_strength_may_be_zero(change, deviations, absent):
     found = perhaps_absent(fitted(change, abs(change) / deviations), BOTH)
     assert found == (("sensor_drift",) if absent else ())
 
 
-def test_a_drift_that_may_be_large_and_slow_together_is_not_absent() -> None:
+def test_a_drift_that_may_be_large_and_slow_together_is_not_absent():
     """With a correlation of 0.9, the deviation at the fitted time is sqrt(1 - 0.81) = 0.44 of the whole one."""
     for deviations, absent in ((1.5, False), (0.8, True)):
         found = perhaps_absent(fitted(2e-5, 2e-5 / deviations, correlation=0.9), BOTH)
         assert found == (("sensor_drift",) if absent else ())
 
 
-def test_a_strength_that_only_others_tell_is_left_to_the_ablation() -> None:
+def test_a_strength_that_only_others_tell_or_that_is_not_fitted_is_left_to_the_ablation():
     known = fitted(2e-5, 2e-5, determined=False)
     assert NAMES[0] in known.undetermined and not perhaps_absent(known, BOTH)
-
-
-def test_a_strength_that_is_not_fitted_is_certain() -> None:
     assert not perhaps_absent(fitted(2e-5, 1e-6), ("creep", "hysteresis", "sensor_drift"))
-
-
-def test_an_effect_that_the_plant_had_before_is_not_asked_for() -> None:
-    assert not perhaps_absent(fitted(2e-5, 2e-5), ("creep",))
+    assert not perhaps_absent(fitted(2e-5, 2e-5), ("creep",))  # the drift was in the plant before

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from made_rigs import Bare
+from needs import COMPILED
 
 from deatwin.ident.greybox import FitStatus
 from deatwin.ident.mismatch import Candidate, Naming, Verdict, diagnose
@@ -25,7 +26,6 @@ from deatwin.plant import (
     SensorLag,
     Sizes,
 )
-from deatwin.plant.integrator.compiled import compiler
 
 NOISE = 2.0
 
@@ -197,14 +197,14 @@ def turned(command: np.ndarray) -> np.ndarray:
             way = np.sign(speed) or np.sign(drive)
             friction = 1.61 if way > 0 else 1.39
             if speed == 0.0 and abs(drive) <= friction:
-                continue
+                break
             new = speed + 5e-4 * (drive - speed - friction * way) / 0.1
             speed = 0.0 if speed * new < 0.0 else new
         read[k] = speed
     return read
 
 
-@pytest.mark.skipif(compiler() is None, reason="many fits: without a C compiler they take ten times as long")
+@COMPILED
 def test_a_friction_that_differs_between_the_ways_is_partly_a_friction():
     """Dry friction of one size takes most of it; that it is larger one way is in no law of the catalogue tried here."""
     rng = np.random.default_rng(4)

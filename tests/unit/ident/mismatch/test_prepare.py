@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from foreign_models import Motor
+from needs import COMPILED
+from runs import blank
 
 from deatwin.ident.mismatch import DataQuality, check_quality, confirm, detect, diagnose, linearised_responses, prepare
 from deatwin.ident.mismatch.locate.track import readings
@@ -25,7 +27,6 @@ from deatwin.plant import (
     SensorDrift,
 )
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.integrator.compiled import compiler
 
 NOMINAL = Plant(rig=Diaphragm())
 UNREAD = object.__new__(DataQuality)
@@ -112,12 +113,11 @@ def test_effects_that_are_passed_speak_of_the_rig_and_a_users_own_stay_as_they_a
     assert list(effects_for(Diaphragm(), given)) == given
 
 
-@pytest.mark.skipif(compiler() is None, reason="fits: without a C compiler they take ten times as long")
+@COMPILED
 @one_thread  # as a diagnosis runs: with more threads, products round differently
 def test_the_public_steps_one_by_one_find_what_a_diagnosis_does():
     noise = band_limited_noise(np.random.default_rng(0), 12.0, 0.02)
-    blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))
-    experiment = NOMINAL.with_effects(ElectrodeRC(time=0.1)).record(blank, np.random.default_rng(1))
+    experiment = NOMINAL.with_effects(ElectrodeRC(time=0.1)).record(blank(noise), np.random.default_rng(1))
     effects = [ElectrodeRC()]
     checked = check_quality(NOMINAL, experiment)
     problem, base = prepare(NOMINAL, checked, effects)

@@ -9,6 +9,8 @@ from types import SimpleNamespace
 import jsonschema
 import numpy as np
 import pytest
+from needs import COMPILED
+from strips import pulled, strip
 
 from deatwin.ident.mismatch import (
     AdviceSummary,
@@ -42,11 +44,9 @@ from deatwin.plant import (
     Planar,
     Plant,
     Recording,
-    Rig,
     SensorDrift,
 )
 from deatwin.plant.effects.catalogue import catalogue
-from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.records import plain
 
 SCHEMA = json.loads((files("deatwin.ident") / "schemas" / "diagnosis.schema.json").read_text(encoding="utf-8"))
@@ -290,24 +290,17 @@ def test_every_number_is_a_field_and_every_other_number_is_noticed(name):
 
 
 @pytest.mark.parametrize("name", DIAGNOSES)
-def test_the_file_keeps_its_schema_and_comes_back(name, tmp_path):
-    DIAGNOSES[name].save(tmp_path / "diagnosis.json")
-    data = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
+def test_the_file_keeps_its_schema_and_comes_back_as_sure_as_it_was(name, tmp_path):
+    diagnosis, path = DIAGNOSES[name], tmp_path / "diagnosis.json"
+    diagnosis.save(path)
+    data, said = json.loads(path.read_text(encoding="utf-8")), how_sure(diagnosis)
     jsonschema.validate(data, SCHEMA)
-    assert Diagnosis.load(tmp_path / "diagnosis.json").to_dict() == data
-
-
-@pytest.mark.parametrize("name", DIAGNOSES)
-def test_every_verdict_says_how_sure_it_is_and_the_file_holds_the_probabilities(name, tmp_path):
-    diagnosis = DIAGNOSES[name]
-    said = how_sure(diagnosis)
+    assert Diagnosis.load(path).to_dict() == data and how_sure(Diagnosis.load(path)) == said
     assert said and not re.search(r"\de[-+]?\d|  |\.$", said)
-    held = diagnosis.to_dict()["explanations"]
+    held = data["explanations"]
     assert [one["effects"] for one in held[1:]] == ([["delay"]] if diagnosis.verdict is Verdict.AMBIGUOUS else [])
     for one in held:
         assert f"{100 * one['probability']:.0f} %" in said
-    diagnosis.save(tmp_path / "diagnosis.json")
-    assert how_sure(Diagnosis.load(tmp_path / "diagnosis.json")) == said
 
 
 def test_after_the_answer_the_likeliest_alternative_is_stated_first():
@@ -572,29 +565,18 @@ def test_a_value_that_is_nothing_beside_its_interval_is_written_as_none():
     assert near.shown.value == 6e-6
 
 
-@pytest.mark.skipif(compiler() is None, reason="many fits: without a C compiler they take ten times as long")
+@COMPILED
 def test_every_number_of_a_real_diagnosis_is_a_field():
-    rng = np.random.default_rng(1)
-    strip = Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
-    stretch = 1 + np.interp(np.arange(900) / 100, np.arange(10), np.r_[0, rng.uniform(0.1, 1.0, 9)])
-    silent = Recording.from_arrays(
-        stretch,
-        np.zeros(900),
-        0.1,
-        input_names=("stretch",),
-        input_units=("1",),
-        output_names=("force",),
-        output_units=("N",),
-    )
-    pulled = strip.with_effects(Creep(modulus=60e3, time=25.0)).record(Experiment(recordings=(silent,)), rng)
-    data = diagnose(strip, pulled, effects=[Creep()]).to_dict()
+    data = diagnose(
+        strip(), pulled(strip().with_effects(Creep(modulus=60e3, time=25.0)), 1, 10), effects=[Creep()]
+    ).to_dict()
     assert data["verdict"] == "named"
     assert len(NUMBER.findall(data["sentence"])) >= 6
     assert foreign_numbers(data) == []
 
 
 @pytest.mark.parametrize(("low", "said"), [(-2e3, True), (24e3, False)])
-def test_an_explanation_that_may_be_absent_is_said_to_be(low: float, said: bool) -> None:
+def test_an_explanation_that_may_be_absent_is_said_to_be(low, said):
     weak = replace(CREEP, parameters={**CREEP.parameters, "modulus": replace(CREEP.parameters["modulus"], low=low)})
     found = made_up(Verdict.AMBIGUOUS, weak)
     absent = (
@@ -620,7 +602,7 @@ def test_an_alternative_at_another_place_has_its_name_there():
     assert titled(drift, drift.placed("command")) == "sensor drift"
 
 
-def test_the_parameters_that_changed_by_the_largest_factors_are_named() -> None:
+def test_the_parameters_that_changed_by_the_largest_factors_are_named():
     values = {"damping": (0.96, 0.05, "N s/m"), "mass": (3.1e-3, 3e-3, "kg"), "shear_modulus": (26e3, 3e4, "Pa")}
     fitted = {
         name: FittedParameter(value=value, low=0.99 * value, high=1.01 * value, unit=unit, nominal=nominal)
@@ -634,7 +616,7 @@ def test_the_parameters_that_changed_by_the_largest_factors_are_named() -> None:
     )
 
 
-def test_an_experiment_with_another_load_stands_alone() -> None:
+def test_an_experiment_with_another_load_stands_alone():
     advised = replace(DIAGNOSES["ambiguous"], advice=ADVICE)
     assert next_step(advised) == (
         "apply the input in next_input.csv, record the response, and diagnose all recordings together"
@@ -646,14 +628,14 @@ def test_an_experiment_with_another_load_stands_alone() -> None:
     assert heavier.endswith(", and diagnose this recording alone")
 
 
-def test_an_alternative_without_any_effect_leaves_open_whether_something_is_missing() -> None:
+def test_an_alternative_without_any_effect_leaves_open_whether_something_is_missing():
     answer = DIAGNOSES["ambiguous"].explanations[0]
     nothing = Explanation(effects=(), probability=0.1)
     said = say(replace(DIAGNOSES["ambiguous"], explanations=(answer, nothing)))
     assert said.startswith("These recordings cannot decide whether something is missing from the model: perhaps ")
 
 
-def test_two_faults_of_one_recording_are_those_of_a_recording() -> None:
+def test_two_faults_of_one_recording_are_those_of_a_recording():
     stuck = FAULTS[0]
     said = say(
         replace(
@@ -670,7 +652,7 @@ def test_two_faults_of_one_recording_are_those_of_a_recording() -> None:
     [(Diaphragm(), "ball"), (Planar(), "moving part"), (Coupon(), "moving part")],
     ids=["ball", "bar", "strip"],
 )
-def test_only_a_diaphragm_has_a_ball(rig: Rig, body: str) -> None:
+def test_only_a_diaphragm_has_a_ball(rig, body):
     friction = Cause(
         effect="coulomb_friction",
         family="mechanical",

@@ -27,7 +27,6 @@ from deatwin.plant import (
     Creep,
     Delay,
     DielectricAbsorption,
-    Effect,
     ElectrodeLoss,
     Experiment,
     PermittivityDrift,
@@ -84,7 +83,7 @@ def names_right(found: Diagnosis, fault: str) -> bool:
     ],
     ids=["permittivity drift", "electrode loss", "gain step", "creep", "dielectric absorption"],
 )
-def test_the_plant_follows_other_equations_in_every_reading(size: float, effect: Effect) -> None:
+def test_the_plant_follows_other_equations_in_every_reading(size, effect):
     rng = np.random.default_rng(2)
     made = recorded(effect.name, size, excitation(20.0, rng), rng)
     run = planar(CURRENT, CAPACITANCE, VOLTAGE).with_effects(effect).simulate(made).require()
@@ -94,7 +93,7 @@ def test_the_plant_follows_other_equations_in_every_reading(size: float, effect:
     assert np.std(measured - run.outputs[0], axis=1) == pytest.approx(list(NOISE.values()), rel=0.1)
 
 
-def test_a_capacitance_tells_a_drifting_gain_from_a_drifting_permittivity() -> None:
+def test_a_capacitance_tells_a_drifting_gain_from_a_drifting_permittivity():
     # From the displacement alone they are ambiguous, as the study below shows at some length.
     found = diagnosed("gain_drift", -0.04, 20.0, 1, CAPACITANCE)
     assert (found.verdict, [cause.effect for cause in found.causes]) == (Verdict.NAMED, ["gain_drift"])
@@ -111,7 +110,7 @@ def test_a_capacitance_tells_a_drifting_gain_from_a_drifting_permittivity() -> N
     assert Diagnosis.from_dict(found.to_dict()).taught == found.taught
 
 
-def test_a_reading_with_a_gap_that_is_noisier_than_stated_is_taken_as_what_it_is() -> None:
+def test_a_reading_with_a_gap_that_is_noisier_than_stated_is_taken_as_what_it_is():
     rng = np.random.default_rng(3)
     experiment = recorded("none", 0.0, excitation(20.0, rng), rng)
     (record,) = experiment.recordings
@@ -129,7 +128,7 @@ def test_a_reading_with_a_gap_that_is_noisier_than_stated_is_taken_as_what_it_is
     assert base.chosen.adequate
 
 
-def test_the_noise_sets_the_weight_of_a_reading_if_it_hides_the_model_error() -> None:
+def test_the_noise_sets_the_weight_of_a_reading_if_it_hides_the_model_error():
     rng = np.random.default_rng(4)
     noise = 10 * NOISE["displacement"]
     made = recorded("none", 0.0, excitation(8.0, rng), rng, {**NOISE, "displacement": noise})
@@ -138,7 +137,7 @@ def test_the_noise_sets_the_weight_of_a_reading_if_it_hides_the_model_error() ->
     assert problem.everything[1].weight == pytest.approx(noise / NOISE["capacitance"], rel=0.2)
 
 
-def test_a_peak_at_each_step_is_no_noise_of_the_current() -> None:
+def test_a_peak_at_each_step_is_no_noise_of_the_current():
     """A command that acts late leaves one in the current at each step, in ten samples of 25.
 
     The median of what the others show is then twice that of the noise.
@@ -183,7 +182,7 @@ def drawn(number: int) -> tuple[str, float, Reading]:
         pytest.param(40, id="steps and tails", marks=pytest.mark.xfail(reason="36 of 40 are named", strict=True)),
     ],
 )
-def test_of_forty_faults_that_displacement_leaves_open_current_or_capacitance_names_most(first: int) -> None:
+def test_of_forty_faults_that_displacement_leaves_open_current_or_capacitance_names_most(first):
     with_reading, alone = [], []
     for number in range(first, first + 40):
         fault, size, reading = drawn(number)
@@ -195,7 +194,7 @@ def test_of_forty_faults_that_displacement_leaves_open_current_or_capacitance_na
 
 
 @pytest.mark.study
-def test_of_forty_ambiguous_cases_the_reading_that_is_advised_first_resolves_most() -> None:
+def test_of_forty_ambiguous_cases_the_reading_that_is_advised_first_resolves_most():
     """Cases that the displacement leaves ambiguous are diagnosed again with the reading that is advised first."""
     resolved: list[bool] = []
     for number in np.arange(80).reshape(2, 40).T.ravel().tolist():

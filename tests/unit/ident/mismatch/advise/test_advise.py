@@ -1,6 +1,5 @@
 """The next experiment: that it is safe, that it decides, and what is advised where no input can."""
 
-import importlib
 import sys
 from dataclasses import replace
 from types import SimpleNamespace
@@ -8,13 +7,15 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from made_fits import benched
 from made_rigs import Wire
+from needs import COMPILED
+from runs import blank
 from scipy.stats import binom, norm
 
 from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
-from deatwin.ident.mismatch import Verdict, diagnose
 from deatwin.ident.mismatch.advise import distance, question
 from deatwin.ident.mismatch.advise.advise import SCREENED, _labels, _needed, advise
 from deatwin.ident.mismatch.advise.waveforms import BIPOLAR, REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
@@ -30,11 +31,9 @@ from deatwin.plant import (
     Diaphragm,
     DielectricAbsorption,
     ElectrodeRC,
-    Experiment,
     PermittivityDrift,
     PermittivityStretch,
     Plant,
-    Recording,
     SensorCurvature,
     SensorDrift,
     SensorLag,
@@ -42,12 +41,10 @@ from deatwin.plant import (
 )
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.files import read_commands
-from deatwin.plant.integrator.compiled import compiler
 
 STEP = 0.02
 NOMINAL = Plant(rig=Diaphragm())
 WRONG = {"shear_modulus": 29e3, "stretch_limit": 140.0, "permittivity": 4.3, "damping": 0.06}
-compiled = pytest.mark.skipif(compiler() is None, reason="many fits: without a C compiler they take ten times as long")
 
 
 class CrudeWire(Wire):
@@ -59,25 +56,6 @@ class CrudeWire(Wire):
 
 def sine(seconds: float, frequency: float, size: float = 0.7) -> np.ndarray:
     return 2.3 + size * np.sin(2 * np.pi * frequency * STEP * np.arange(round(seconds / STEP)))
-
-
-def blank(commands: np.ndarray) -> Experiment:
-    return Experiment(recordings=(Recording.from_arrays(commands, np.zeros(commands.size), STEP),))
-
-
-def bench_of(nominal: Plant, experiment: Experiment) -> DiagnosisProblem:
-    """70 % of a record to be fitted, the rest to judge."""
-    early = np.arange(experiment.n_samples) < 0.7 * experiment.n_samples
-    return DiagnosisProblem(
-        nominal=nominal,
-        effects=(),
-        fitted=(Part(experiment=experiment, masks=(early,)),),
-        unseen=(Part(experiment=experiment, masks=(~early,)),),
-        everything=(Part.whole(experiment),),
-        jobs=1,
-        stated_error=nominal.rig.model_error,
-        expected_error=nominal.rig.model_error,
-    )
 
 
 def alternatives_on(problem: DiagnosisProblem, *effects: Effect) -> list[Candidate]:
@@ -94,18 +72,18 @@ def fitted_to(truth: Effect, frequency: float, noise: float, *effects: Effect) -
     """A bench with 8 s of a wire, and the explanations of the record by their effects."""
     nominal = Plant(rig=Wire(noise=noise))
     experiment = nominal.with_effects(truth).record(blank(sine(8.0, frequency)), np.random.default_rng(0))
-    problem = bench_of(nominal, experiment)
+    problem = benched(nominal, experiment)
     return problem, {found.effects[0]: found for found in alternatives_on(problem, *effects)}
 
 
 @pytest.fixture(scope="module")
-def late() -> Bench:
+def late():
     others = ElectrodeRC(time=0.08), Delay(time=0.05), SensorCurvature(), SensorLag(time=0.08)
     return fitted_to(ElectrodeRC(time=0.1), 0.5, 2e-6, *others)
 
 
 @pytest.fixture(scope="module")
-def slow() -> Bench:
+def slow():
     """To a slow sine all three are late."""
     return fitted_to(Delay(time=0.01), 0.2, 4e-5, Delay(time=0.01), ElectrodeRC(time=0.01), SensorLag(time=0.01))
 
@@ -190,7 +168,7 @@ def test_safe_limits_stay_below_the_static_limits_of_the_film():
     assert not bears(soft, np.full(500, 1.1 * min(ends)), 0.0)
 
 
-@compiled
+@COMPILED
 def test_where_the_reading_cannot_tell_another_signal_is_advised(late, tmp_path):
     problem, explained = late
     # the capacitor's lag and the sensor's are the same reading of one linear chain
@@ -211,11 +189,11 @@ def test_where_the_reading_cannot_tell_another_signal_is_advised(late, tmp_path)
     assert axes.get_xlabel()
 
 
-@compiled
+@COMPILED
 def test_no_drawn_plant_distinguishes_explanations_that_predict_the_same():
     """A drift of the permittivity is one of the amplifier's gain; two periods hardly tell its strength and time."""
     record = NOMINAL.with_effects(PermittivityDrift()).record(blank(sine(20.0, 0.1)), np.random.default_rng(0))
-    problem = bench_of(NOMINAL, record)
+    problem = benched(NOMINAL, record)
     found = alternatives_on(problem, PermittivityDrift(), SensorDrift().placed("command_gain"))
     fits = [one.calibration for one in found]
     asked = question.Question.of(problem, fits, NOMINAL.rig.noise, np.random.default_rng(1))
@@ -226,7 +204,7 @@ def test_no_drawn_plant_distinguishes_explanations_that_predict_the_same():
     assert max(distances) < 1.0, distances
 
 
-@compiled
+@COMPILED
 def test_a_refit_that_brought_rivals_nearer_tells_the_confusion_before(slow, monkeypatch):
     problem, explained = slow
     alternatives = [explained["delay"], explained["sensor_lag"]]
@@ -244,26 +222,7 @@ def test_a_refit_that_brought_rivals_nearer_tells_the_confusion_before(slow, mon
     assert before(4 * squared) == first_order  # what refits could not bring nearer, derivatives may
 
 
-@compiled
-def test_a_diagnosis_tells_the_confusion_by_the_distances_that_it_lists(monkeypatch):
-    module, known = importlib.import_module("deatwin.ident.mismatch.diagnose"), []
-
-    def telling(*arguments, distances):
-        known.extend(distances)
-        return advise(*arguments, distances=distances)
-
-    monkeypatch.setattr(module, "advise", telling)
-    nominal = Plant(rig=Wire())
-    experiment = nominal.with_effects(ElectrodeRC(time=0.1)).record(blank(sine(40.0, 0.5)), np.random.default_rng(0))
-    found = diagnose(nominal, experiment, effects=[ElectrodeRC(), SensorLag()])
-    assert found.verdict is Verdict.AMBIGUOUS
-    (pair,) = found.indistinguishable
-    assert (pair.effects, pair.d2) in [(d.effects, d.d2) for d in known]
-    assert found.advice is not None
-    assert found.advice.confusion_before >= distance.confusion(pair.d2)
-
-
-@compiled
+@COMPILED
 def test_of_many_explanations_the_nearest_pairs_are_simulated(late, monkeypatch):
     problem, explained = late
     of = [alternative.calibration for alternative in explained.values()]
@@ -286,7 +245,7 @@ def test_of_many_explanations_the_nearest_pairs_are_simulated(late, monkeypatch)
     assert len(asked_for) == few + 12
 
 
-@compiled
+@COMPILED
 def test_an_input_is_simulated_once_with_each_fitted_explanation(late, monkeypatch):
     problem, explained = late
     of = [explained[name].calibration for name in ("electrode_rc", "delay", "sensor_lag")]
@@ -340,7 +299,7 @@ def test_a_length_is_foretold_from_how_the_distance_grows(reached, first, last, 
     assert _needed(asked, "any") == pytest.approx(needed)
 
 
-@compiled
+@COMPILED
 def test_an_input_that_decides_on_some_of_the_explanations_is_advised(slow, monkeypatch):
     problem, explained = slow
     # a fast input shows the delay, but a lag is itself whatever is said of it
@@ -373,13 +332,13 @@ def test_the_same_effects_on_another_form_of_the_rig_get_a_number():
     assert _labels(alternatives) == ("creep (1)", "delay + leakage", "creep (2)", "nothing missing")
 
 
-@compiled
+@COMPILED
 def test_an_input_stays_between_rest_and_recordings_if_it_would_move_the_plant_too_far():
     # near 3 kV a small sine moves the film by few micrometres: the whole range would by hundreds
     high = blank(2.9 + 0.05 * (sine(20.0, 0.5) - 2.3))
     nominal = Plant(rig=Diaphragm(noise=2e-7, model_error=2e-7, command_range=(0.0, 3.4)))
     concealed = nominal.with_values(WRONG).with_effects(SensorLag(time=0.05))
-    problem = bench_of(nominal, concealed.record(high, np.random.default_rng(0)))
+    problem = benched(nominal, concealed.record(high, np.random.default_rng(0)))
     fits = [
         alternative.calibration
         for alternative in alternatives_on(problem, SensorLag(time=0.05), ElectrodeRC(time=0.05))
@@ -409,7 +368,7 @@ def test_a_drive_of_both_polarities_is_not_used_where_no_recording_was(low, high
     # the error is a hundredth of the motion: a range of 20 V hides what is seen in one of 1 V
     nominal = Plant(rig=CrudeWire(noise=0.0, command_range=(-10.0, 10.0)))
     experiment = nominal.record(blank(np.linspace(low, high, 400)), np.random.default_rng(0))
-    problem = bench_of(nominal.with_rig(nominal.rig.for_motion(experiment.recordings[0].outputs.std())), experiment)
+    problem = benched(nominal.with_rig(nominal.rig.for_motion(experiment.recordings[0].outputs.std())), experiment)
     fit = calibrate(nominal, problem.fitted, starts=1)
     asked = question.Question.of(problem, [fit, replace(fit)], 0.0, np.random.default_rng(1))
     for name in set(REPERTOIRE) - BIPOLAR:
@@ -421,7 +380,7 @@ def test_a_drive_of_both_polarities_is_not_used_where_no_recording_was(low, high
 
 def test_an_input_by_which_nothing_moves_is_calm_enough(monkeypatch):
     nominal = Plant(rig=Wire(noise=0.0, command_range=(-10.0, 10.0)))
-    problem = bench_of(nominal, nominal.record(blank(np.linspace(-0.3, 0.5, 400)), np.random.default_rng(0)))
+    problem = benched(nominal, nominal.record(blank(np.linspace(-0.3, 0.5, 400)), np.random.default_rng(0)))
     fit = calibrate(nominal, problem.fitted, starts=1)
     asked = question.Question.of(problem, [fit, replace(fit)], 0.0, np.random.default_rng(1))
     monkeypatch.setattr(question.Question, "_error_of", lambda _, made: 0.0 if made.max() <= 0.5 else 1.0)
@@ -435,7 +394,7 @@ def _readings(fit, *inputs):
 def test_one_explanation_needs_no_advice():
     nominal = Plant(rig=Wire())
     experiment = nominal.record(blank(sine(4.0, 0.5)), np.random.default_rng(0))
-    problem = bench_of(nominal, experiment)
+    problem = benched(nominal, experiment)
     only = judge(problem, calibrate(nominal, problem.fitted, starts=1), nominal.rig.noise)
     assert only is not None
     assert advise(problem, [only], np.random.default_rng(0)) is None
@@ -451,20 +410,22 @@ TIES = {
 }
 
 
-def decided(truth: Effect, other: Effect, frequency: float, seconds: float, trials: int) -> SimpleNamespace:
+def decided(
+    nominal: Plant, truth: Effect, other: Effect, frequency: float, seconds: float, trials: int
+) -> SimpleNamespace:
     """The advice on a sine, and how often the other explanation fits better without and with the advised input.
 
     Foreseen without it is the share for this truth; the advice tells that of the worse one.
     """
-    concealed = NOMINAL.with_values(WRONG).with_effects(truth)
+    concealed = nominal.with_values(WRONG if nominal is NOMINAL else {}).with_effects(truth)
     poor = blank(sine(seconds, frequency))
-    problem = bench_of(NOMINAL, concealed.record(poor, np.random.default_rng(0)))
+    problem = benched(nominal, concealed.record(poor, np.random.default_rng(0)))
     alternatives = alternatives_on(problem, type(truth)(), other)
     found = advise(problem, alternatives, np.random.default_rng(1))
     assert found is not None
     assert found.confusion_before > 0.023  # d² < 16: a tie
     right, wrong = (alternative.calibration for alternative in alternatives)
-    squared = distance.distance_squared(right.plant, wrong, problem.fitted, NOMINAL.rig.noise, steps=0)
+    squared = distance.distance_squared(right.plant, wrong, problem.fitted, nominal.rig.noise, steps=0)
     before = after = 0
     for trial in range(trials):
         rng = np.random.default_rng(1000 + trial)
@@ -478,9 +439,9 @@ def decided(truth: Effect, other: Effect, frequency: float, seconds: float, tria
     return SimpleNamespace(advice=found, foreseen=distance.confusion(squared), before=before, after=after)
 
 
-@compiled
+@COMPILED
 def test_the_advised_input_decides_a_tie(tmp_path):
-    tie = decided(*TIES["delay"], seconds=12.0, trials=1)
+    tie = decided(Plant(rig=Wire(noise=4e-5)), Delay(time=0.01), ElectrodeRC(time=0.01), 0.2, seconds=8.0, trials=1)
     found = tie.advice
     assert found.experiment is not None
     assert found.confusion_after < 0.023
@@ -501,11 +462,11 @@ def test_the_advised_input_decides_a_tie(tmp_path):
 
 
 @pytest.mark.study
-@compiled
+@COMPILED
 @pytest.mark.parametrize("truth", TIES)
 def test_ties_are_decided_as_predicted(truth):
     trials = 20
-    tie = decided(*TIES[truth], seconds=60.0, trials=trials)
+    tie = decided(NOMINAL, *TIES[truth], seconds=60.0, trials=trials)
     low, high = binom.interval(0.998, trials, tie.foreseen)
     assert low <= tie.before <= high
     assert tie.advice.confusion_before >= tie.foreseen * (1 - 1e-6)

@@ -231,7 +231,7 @@ def wrong_wins(asked: list[Part], plants: list[Plant], errors: tuple[float, floa
     [(1.0, 120), *(pytest.param(share, 1500, marks=pytest.mark.study) for share in (0.0, 0.3, 1.0))],
 )
 def test_the_wrong_one_wins_as_often_as_predicted(share, trials):
-    asked = parts(commands())
+    asked = parts(commands(300))
 
     def plants(model_error: float) -> list[Plant]:
         plant = BASE.with_rig(replace(BASE.rig, model_error=model_error))

@@ -82,7 +82,7 @@ def bought(number: int, seconds: float) -> tuple[float, PricedReading, float]:
     return before, best, right * float(weights[0] - weights[1])
 
 
-def test_a_thermometer_is_offered_where_an_effect_assumes_a_temperature() -> None:
+def test_a_thermometer_is_offered_where_an_effect_assumes_a_temperature():
     plants = [Plant(rig=Diaphragm()).with_effects(effect) for effect in (ThermalStiffness(), Creep())]
     electrical = ["current", "capacitance", "film_voltage"]
     assert [one.name for one in offered(plants, {""})] == [*electrical, "room_temperature"]
@@ -90,12 +90,12 @@ def test_a_thermometer_is_offered_where_an_effect_assumes_a_temperature() -> Non
     assert [one.name for one in offered(plants[1:], {""})] == electrical
 
 
-def test_the_reading_of_the_rig_file_is_offered_with_its_noise() -> None:
+def test_the_reading_of_the_rig_file_is_offered_with_its_noise():
     rig = Planar(further=(STATED,))
     assert offered([Plant(rig=rig)], {""})[0] == STATED
 
 
-def test_the_noise_level_of_the_first_reading_does_not_scale_another_one() -> None:
+def test_the_noise_level_of_the_first_reading_does_not_scale_another_one():
     record = Recording.from_arrays(np.ones(20), np.zeros(20), 0.02)
     part = replace(Part.whole(Experiment(recordings=(record,))), levels=(np.linspace(0.5, 4.0, 20),))
     ((values, slopes),) = signals(Plant(rig=Wire()), ("gain",), (part,), [Reading(name="capacitance", noise=1e-15)])
@@ -103,7 +103,7 @@ def test_the_noise_level_of_the_first_reading_does_not_scale_another_one() -> No
     assert slopes.shape == (20, 1)
 
 
-def test_an_effect_at_another_place_keeps_the_prior_of_its_strength() -> None:
+def test_an_effect_at_another_place_keeps_the_prior_of_its_strength():
     """An amplifier whose gain drifts by 0.1 % is one whose gain might have drifted by twice the typical amount."""
     drift = SensorDrift().placed("command_gain")
     plant = Plant(rig=Diaphragm()).with_effects(drift)
@@ -116,7 +116,7 @@ def test_an_effect_at_another_place_keeps_the_prior_of_its_strength() -> None:
     assert deviation == pytest.approx(2.0 * abs(drift.described(drift.strength).value) / np.sqrt(2.0), rel=0.01)
 
 
-def test_the_reading_that_is_advised_tells_what_displacement_leaves_open() -> None:
+def test_the_reading_that_is_advised_tells_what_displacement_leaves_open():
     before, best, after = bought(1, 8.0)
     assert abs(before) < SURE
     assert best.resolves
@@ -125,7 +125,7 @@ def test_the_reading_that_is_advised_tells_what_displacement_leaves_open() -> No
 
 
 @pytest.mark.study
-def test_of_forty_open_cases_the_advised_reading_resolves_most() -> None:
+def test_of_forty_open_cases_the_advised_reading_resolves_most():
     """From displacement alone neither explanation is 95 % probable; other equations and another integrator made them."""
     resolved, number = [], 0
     while len(resolved) < 40:

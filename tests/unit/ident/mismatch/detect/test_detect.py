@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_fits import benched
+from runs import blank
 from scipy.signal import lfilter
 from scipy.stats import kstwobign
 
 from deatwin.ident.greybox.fit import calibrate
-from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.detect.detect import detect, detect_in
 from deatwin.ident.mismatch.detect.law import LEVEL, Law
 from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
@@ -22,7 +23,7 @@ from deatwin.ident.mismatch.naming.candidate import judge
 from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.quality.repeats import find_repeats
-from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording, SensorDrift, SensorJump, records
+from deatwin.plant import Delay, Diaphragm, Plant, SensorDrift, SensorJump, records
 from deatwin.plant.excitation import band_limited_noise, random_holds
 
 STEP, NOISE, MODEL_ERROR = 0.02, 2e-6, 1.2e-6
@@ -106,7 +107,7 @@ def rejected(law: Law, residual: np.ndarray) -> bool:
 
 
 @pytest.fixture(scope="module")
-def plain() -> Law:
+def plain():
     left = film(1500, 0)
     bare = replace(left, jacobian=np.ones((1500, 1)), fitted=np.ones(1500, dtype=bool))
     return Law(bare, np.random.default_rng(1), 1000)
@@ -364,20 +365,7 @@ PLANT = Plant(rig=Diaphragm())
 
 
 def bench_of(command: np.ndarray, seed: int, truth: Plant = PLANT) -> DiagnosisProblem:
-    blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), STEP),))
-    experiment = truth.record(blank, np.random.default_rng(seed))
-    early = np.arange(command.size) < 0.7 * command.size
-    fitted, unseen = (Part(experiment=experiment, masks=(mask,)) for mask in (early, ~early))
-    return DiagnosisProblem(
-        nominal=PLANT,
-        effects=(),
-        fitted=(fitted,),
-        unseen=(unseen,),
-        everything=(Part.whole(experiment),),
-        jobs=1,
-        stated_error=PLANT.rig.model_error,
-        expected_error=PLANT.rig.model_error,
-    )
+    return benched(PLANT, truth.record(blank(command), np.random.default_rng(seed)))
 
 
 def test_a_plant_that_is_its_own_truth_lacks_nothing():
@@ -416,10 +404,16 @@ def test_a_rig_that_answers_a_few_milliseconds_late_lacks_nothing(late, taken_up
         assert found.taken_up.plant.parameters["delay.time"].value == pytest.approx(late, rel=0.1)
 
 
-def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_missing():
+@pytest.fixture(scope="module")
+def stiffening():
     """The truth has the same equations: what stiffens the film where it moves far is hardly seen where it does not."""
     problem = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
-    base = judge(problem, calibrate(PLANT, problem.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)
+    fit = calibrate(PLANT, problem.fitted, evaluations=20, starts=1, tolerance=1e-4)
+    return problem, judge(problem, fit, PLANT.rig.noise)
+
+
+def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_missing(stiffening):
+    problem, base = stiffening
     found = detect(base, problem, np.random.default_rng(2))
     assert replace(found, taken_up=None).mismatch  # by chance and size alone it would be one
     assert found.taken_up
@@ -437,9 +431,8 @@ def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_miss
     ],
     ids=["the same", "on a bound"],
 )
-def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(monkeypatch, refitted):
-    problem = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
-    base = judge(problem, calibrate(PLANT, problem.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)
+def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(stiffening, monkeypatch, refitted):
+    problem, base = stiffening
     module = importlib.import_module("deatwin.ident.mismatch.detect.detect")
     monkeypatch.setattr(module, "refit", refitted)
     found = detect(base, problem, np.random.default_rng(2))

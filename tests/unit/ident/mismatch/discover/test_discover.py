@@ -10,7 +10,9 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 import pytest
+from made_fits import benched
 from made_rigs import Bare
+from scipy.signal import lfilter
 
 from deatwin.ident.greybox.filter import linearise
 from deatwin.ident.greybox.fit import calibrate
@@ -160,21 +162,9 @@ def recorded(plant: Plant, seed: int) -> Experiment:
     return plant.record(Experiment(recordings=blank), rng)
 
 
-def benched(rig: Rig, experiment: Experiment) -> tuple[DiagnosisProblem, Candidate]:
-    """Seven tenths of each record are fitted, by a plant that lacks the effect."""
-    first = tuple(np.arange(r.n_samples) < 0.7 * r.n_samples for r in experiment.recordings)
-    fitted = Part(experiment=experiment, masks=first)
-    unseen = Part(experiment=experiment, masks=tuple(~mask for mask in first))
-    problem = DiagnosisProblem(
-        nominal=Plant(rig=rig),
-        effects=(),
-        fitted=(fitted,),
-        unseen=(unseen,),
-        everything=(Part.whole(experiment),),
-        jobs=1,
-        stated_error=rig.model_error,
-        expected_error=rig.model_error,
-    )
+def with_base(rig: Rig, experiment: Experiment) -> tuple[DiagnosisProblem, Candidate]:
+    """Fitted by a plant that lacks the effect."""
+    problem = benched(Plant(rig=rig), experiment)
     base = judge(problem, calibrate(problem.nominal, problem.fitted, starts=1), rig.noise)
     assert base is not None
     return problem, base
@@ -183,7 +173,7 @@ def benched(rig: Rig, experiment: Experiment) -> tuple[DiagnosisProblem, Candida
 @lru_cache
 def found(kind: str, seed: int = 0) -> Discovery | None:
     plant = Plant(rig=Mass(), values=TRUE, effects=(KINDS[kind](),))
-    problem, base = benched(Mass(), recorded(plant, seed))
+    problem, base = with_base(Mass(), recorded(plant, seed))
     assert base.mismatch
     return discover(problem, base, np.random.default_rng(seed))
 
@@ -237,14 +227,14 @@ def test_the_parameters_of_the_base_come_back():
 
 
 def test_clean_recordings_have_no_free_form():
-    problem, base = benched(Mass(), recorded(Plant(rig=Mass(), values=TRUE), 5))
+    problem, base = with_base(Mass(), recorded(Plant(rig=Mass(), values=TRUE), 5))
     assert discover(problem, base, np.random.default_rng(0)) is None
 
 
 def test_what_the_plant_does_as_well_without_a_form_is_no_gain(monkeypatch):
     """A fit of the base plant that had not come to its minimum: beside any form its own parameters go on to it."""
     module = importlib.import_module("deatwin.ident.mismatch.discover.discover")
-    problem, base = benched(Mass(), recorded(Plant(rig=Mass(), values=TRUE), 5))
+    problem, base = with_base(Mass(), recorded(Plant(rig=Mass(), values=TRUE), 5))
     start = Plant(rig=Mass(), values=TRUE | {"damping": 6.0})
     far = judge(problem, calibrate(start, problem.fitted, evaluations=1, starts=1), NOISE)
     assert far.mismatch and not base.mismatch
@@ -274,7 +264,7 @@ def test_a_single_term_that_may_be_nothing_is_none():
     """Where nothing is missing a coefficient is within two deviations of zero in 95 of 100 fits."""
     found = []
     for seed in range(6):
-        problem, base = benched(Mass(), recorded(Plant(rig=Mass(), values=TRUE), 20 + seed))
+        problem, base = with_base(Mass(), recorded(Plant(rig=Mass(), values=TRUE), 20 + seed))
         linears = linearise(base.calibration.plant, problem.fitted)
         search = _Search.of(base.calibration.plant, problem.fitted, linears, _site(base.calibration.plant, None))
         found.append(_fitted(search, (Stable(column=len(search.terms) // 2, inclusion=1.0),), base, problem))
@@ -291,7 +281,7 @@ def test_noise_that_is_larger_than_stated_has_no_free_form(seed):
         replace(r, outputs=r.outputs + 3 * NOISE * piece)
         for r, piece in zip(experiment.recordings, np.split(slow, 2), strict=True)
     ]
-    problem, base = benched(Mass(), Experiment(recordings=tuple(records)))
+    problem, base = with_base(Mass(), Experiment(recordings=tuple(records)))
     assert base.mismatch
     assert discover(problem, base, rng) is None
 
@@ -303,18 +293,11 @@ class Bent(Concealed):
         return signal + 20.0 * self.own("size", build) * signal**2
 
 
-def test_a_reading_of_the_state_of_rest_answers_to_nothing():
-    """Without a start procedure, and read at the start of each hold, the first reading comes before all samples."""
-    rig = Unwatched(reading=ReadingTime.START_OF_HOLD)
-    problem, base = benched(rig, recorded(Plant(rig=rig, values=TRUE, effects=(Bent(),)), 0))
-    discovery = discover(problem, base, np.random.default_rng(0))
-    assert discovery.summary.place == "sensor"
-    assert discovery.after < 1.1 * NOISE
-
-
-def test_where_nothing_is_watched_the_reading_takes_it():
-    plant = Plant(rig=Unwatched(), values=TRUE, effects=(Bent(),))
-    problem, base = benched(Unwatched(), recorded(plant, 0))
+@pytest.mark.parametrize("reading", ReadingTime)
+def test_where_nothing_is_watched_the_reading_takes_it(reading):
+    """Without a start procedure a reading at the start of each hold comes before all samples, and answers to nothing."""
+    rig = Unwatched(reading=reading)
+    problem, base = with_base(rig, recorded(Plant(rig=rig, values=TRUE, effects=(Bent(),)), 0))
     discovery = discover(problem, base, np.random.default_rng(0))
     assert discovery.summary.place == "sensor"
     assert discovery.after < 1.1 * NOISE
@@ -363,10 +346,7 @@ def test_functions_along_a_run_are_those_of_their_definitions():
 
 
 def coloured(rng: np.random.Generator, shape: tuple[int, int], kept: float) -> np.ndarray:
-    out = rng.standard_normal(shape)
-    for k in range(1, shape[0]):
-        out[k] = kept * out[k - 1] + np.sqrt(1 - kept**2) * out[k]
-    return out
+    return lfilter([np.sqrt(1 - kept**2)], [1.0, -kept], rng.standard_normal(shape), axis=0)
 
 
 def made(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

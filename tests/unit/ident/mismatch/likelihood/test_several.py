@@ -29,7 +29,7 @@ OWN = OwnError(
 
 
 @pytest.mark.parametrize("late", [0.0, 0.05])
-def test_timing_keeps_the_size_that_residuals_show_and_bends_that_of_the_rig(late: float) -> None:
+def test_timing_keeps_the_size_that_residuals_show_and_bends_that_of_the_rig(late):
     errors = OwnErrors(of=(OWN,), at=(np.arange(N),))
     noise = NOISE * np.random.default_rng(0).standard_normal(N)
     residuals = np.gradient(READINGS, DT) * late * DT + noise
@@ -42,7 +42,7 @@ def test_timing_keeps_the_size_that_residuals_show_and_bends_that_of_the_rig(lat
     assert sizes[timing] == pytest.approx(late / TIMING, abs=4 * 0.001 / TIMING)
 
 
-def test_a_further_reading_has_no_sample_times_of_its_own() -> None:
+def test_a_further_reading_has_no_sample_times_of_its_own():
     both = OwnErrors(of=(OWN, replace(OWN, records=np.ones(N, dtype=int))), at=(np.arange(N), N + np.arange(N)))
     assert both.moments == N
 
@@ -76,7 +76,7 @@ def test_noise_whose_level_varies_is_that_of_a_dense_covariance():
 
 
 @pytest.mark.parametrize("known", [0.0, 0.3, 2.5], ids=["a delay not in the plant", "short", "long"])
-def test_a_late_command_changes_a_held_motion_as_its_equation_says(known: float) -> None:
+def test_a_late_command_changes_a_held_motion_as_its_equation_says(known):
     """In samples; each delay of the motor is computed with steps of a tenth of a sample."""
     volts = np.random.default_rng(0).uniform(0.0, 12.0, 400)
     plant = Plant(rig=Motor())
@@ -103,7 +103,7 @@ def test_a_late_command_changes_a_held_motion_as_its_equation_says(known: float)
     np.testing.assert_allclose(change, expected, atol=1e-6 * readings.max())
 
 
-def test_no_timing_error_is_simulated_beyond_the_range_of_delays() -> None:
+def test_no_timing_error_is_simulated_beyond_the_range_of_delays():
     """A step of the derivative is at most half of a motor's largest delay."""
     volts = np.random.default_rng(0).uniform(0.0, 12.0, 50)
     plant = Plant(rig=Motor(sample_time=2.0))
@@ -115,7 +115,7 @@ def test_no_timing_error_is_simulated_beyond_the_range_of_delays() -> None:
     assert np.abs(short).max() > 0.0
 
 
-def test_a_rig_that_admits_no_delay_is_late_by_the_slope_of_its_reading(oscillator, experiment) -> None:
+def test_a_rig_that_admits_no_delay_is_late_by_the_slope_of_its_reading(oscillator, experiment):
     plant = Plant(rig=oscillator())
     parts = (Part.whole(experiment(np.sin(0.5 * TIMES))),)
     readings = simulated(plant, parts)

@@ -59,29 +59,3 @@ def test_missing_samples_need_one_stationary_covariance_for_each_length_of_gap(m
     np.testing.assert_allclose(products[0], rows @ np.linalg.solve(cov, rows.T), atol=1e-7)
     assert logs[0] == pytest.approx(np.linalg.slogdet(cov)[1], abs=1e-7)
     assert len(solved) == np.unique(np.diff(kept)).size
-
-
-def test_the_settled_covariance_solves_the_riccati_equation():
-    from scipy.linalg import solve_discrete_are
-
-    several = Filter(np.array([0.02, 0.3, 4.0]), SLOW)
-    decay, one = several.decay(0.02), np.ones((4, 1))
-    for found, variances in zip(several.settled(0.02), several.variances, strict=True):
-        pushed = np.diag(variances * (1.0 - decay**2))
-        np.testing.assert_allclose(found, solve_discrete_are(np.diag(decay), one, pushed, np.eye(1)), rtol=1e-6)
-
-
-def test_what_the_process_makes_becomes_white():
-    """Of 20,000 samples 5 % of autocorrelations lie beyond 1.96 / sqrt(n); of 40 lags more than 8 do once in 4000."""
-    n, rng = 20_000, np.random.default_rng(3)
-    times, records = 0.02 * np.arange(n), np.zeros(n)
-    made = rng.standard_normal(n)
-    for weight, tau in zip(FAST.weights, FAST.times, strict=True):
-        decay, state = np.exp(-0.02 / tau), np.sqrt(weight) * rng.standard_normal()
-        for k, push in enumerate(np.sqrt(weight * (1.0 - decay**2)) * rng.standard_normal(n)):
-            made[k] += 2.0 * state
-            state = decay * state + push
-    white = whitened(FAST, 2.0, (times, records), made[None])[0]
-    lags = np.array([white[lag:] @ white[:-lag] for lag in range(1, 41)]) / (white @ white)
-    assert (np.abs(lags) > 1.96 / np.sqrt(n)).sum() <= 8
-    assert np.mean(white**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / n))

@@ -5,7 +5,7 @@ import numpy as np
 from deatwin.ident.mismatch.locate.discoveries import FALSE_DISCOVERIES, discoveries
 
 
-def test_the_smallest_p_values_below_a_rising_limit_are_rejected() -> None:
+def test_the_smallest_p_values_below_a_rising_limit_are_rejected():
     """Sorted, the largest k with p_k <= 0.05 k / n decides; all smaller ones are rejected with it."""
     rng = np.random.default_rng(11)
     for _ in range(50):
@@ -16,5 +16,5 @@ def test_the_smallest_p_values_below_a_rising_limit_are_rejected() -> None:
         np.testing.assert_array_equal(discoveries(p), p <= limit)
 
 
-def test_a_test_without_a_value_rejects_nothing() -> None:
+def test_a_test_without_a_value_rejects_nothing():
     np.testing.assert_array_equal(discoveries(np.array([np.nan, 1e-6, 0.9])), [False, True, False])

@@ -4,30 +4,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from needs import COMPILED
+from runs import blank
 
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.mismatch.locate.frequency import locate_frequency
 from deatwin.ident.mismatch.locate.region import locate_region
 from deatwin.ident.mismatch.locate.time import locate_time
 from deatwin.ident.mismatch.locate.track import Track, tracks
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording
+from deatwin.plant import Diaphragm, Experiment, Plant
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.integrator.compiled import compiler
 
-pytestmark = pytest.mark.skipif(
-    compiler() is None, reason="many fits: without a C compiler they take ten times as long"
-)
+pytestmark = COMPILED
 NOISE, MODEL_ERROR = 2e-6, 1.2e-6
 FLOOR = NOISE**2 + MODEL_ERROR**2
 
 
 @pytest.fixture(scope="module")
-def clean() -> Experiment:
+def clean():
     """Two minutes of noise by the diaphragm with parameters that differ from the nominal ones."""
     command = band_limited_noise(np.random.default_rng(0), 120.0, 0.02)
-    blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), 0.02),))
     truth = Plant(rig=Diaphragm()).with_values({"shear_modulus": 28e3, "permittivity": 4.2})
-    return truth.record(blank, np.random.default_rng(1))
+    return truth.record(blank(command), np.random.default_rng(1))
 
 
 def located(clean: Experiment, spoil) -> tuple[Track, ...]:

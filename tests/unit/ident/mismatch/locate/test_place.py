@@ -4,44 +4,34 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_fits import made_problem
+from needs import COMPILED
+from runs import blank
 
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.filter import Opening, linearise
 from deatwin.ident.mismatch.locate.closure import closure_p_value, regressions
 from deatwin.ident.mismatch.locate.place import OpenedPlace, Places, locate_place
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.problem import DiagnosisProblem
-from deatwin.plant import CoulombFriction, Creep, Diaphragm, Experiment, Hysteresis, Plant, Recording, SensorDrift
+from deatwin.plant import CoulombFriction, Creep, Diaphragm, Hysteresis, Plant, SensorDrift
 from deatwin.plant.effects.amplifier_slew import AmplifierSlew
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.integrator.compiled import compiler
 
-pytestmark = pytest.mark.skipif(
-    compiler() is None, reason="many fits: without a C compiler they take ten times as long"
-)
+pytestmark = COMPILED
 NOISE = 2e-6
 
 
 def placed(effect: Effect, seed: int) -> Places:
     """Places of the base plant, calibrated on a minute of noise by a plant with an effect."""
     command = band_limited_noise(np.random.default_rng(100 + seed), 60.0, 0.02)
-    blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), 0.02),))
     truth = Plant(rig=Diaphragm()).with_values({"shear_modulus": 27e3, "permittivity": 4.3}).with_effects(effect)
-    part = Part.whole(truth.record(blank, np.random.default_rng(seed)))
+    part = Part.whole(truth.record(blank(command), np.random.default_rng(seed)))
     nominal = Plant(rig=Diaphragm())
     base = Candidate(effects=(), calibration=calibrate(nominal, [part], starts=1), unseen=np.empty(0), noise=NOISE)
-    problem = DiagnosisProblem(
-        nominal=nominal,
-        effects=(),
-        fitted=(part,),
-        unseen=(),
-        everything=(part,),
-        jobs=1,
-        stated_error=1e-6,
-        expected_error=1e-6,
+    return locate_place(
+        base, made_problem(nominal=nominal, fitted=(part,), everything=(part,)), np.random.default_rng(0)
     )
-    return locate_place(base, problem, np.random.default_rng(0))
 
 
 def weaker(effect: Effect) -> Effect:
@@ -67,22 +57,16 @@ def test_the_place_is_among_the_best(place):
     assert found.plot().get_xlabel()
 
 
-def test_a_prediction_is_the_same_share_of_the_mismatch_in_the_summary_and_in_the_figure():
+def test_the_figure_has_the_shares_of_the_summary_and_calls_the_moving_part_as_the_rig_does():
     """Of readings with much noise, a regression that predicts the whole mismatch predicts a part of the residual."""
-    opened = OpenedPlace(
-        place="film", signal="stress", gain=40.0, p_value=1e-6, explained=0.63, score=0.99, among_best=True
+    told = {"gain": 40.0, "p_value": 1e-6, "explained": 0.63, "score": 0.99, "among_best": True}
+    found = Places(
+        opened=(OpenedPlace(place="ball", signal="velocity", **told),), closure_p_value=0.01, body="moving part"
     )
-    found = Places(opened=(opened,), closure_p_value=0.01)
-    (bar,) = found.plot().patches
+    axes = found.plot()
+    (bar,) = axes.patches
     assert bar.get_width() == found.summary[0].explained == 0.99
-
-
-def test_the_figure_calls_the_moving_part_as_the_rig_does():
-    opened = OpenedPlace(
-        place="ball", signal="velocity", gain=4.0, p_value=0.01, explained=0.6, score=0.7, among_best=True
-    )
-    ax = Places(opened=(opened,), closure_p_value=0.01, body="moving part").plot()
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["moving part: velocity"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["moving part: velocity"]
 
 
 @pytest.mark.study
@@ -95,10 +79,9 @@ def test_how_often_the_place_is_among_the_best():
 
 def test_noise_is_not_taken_for_a_function_of_the_signals():
     rng = np.random.default_rng(5)
-    command = band_limited_noise(rng, 20.0, 0.02)
+    command = band_limited_noise(rng, 12.0, 0.02)
     plant = Plant(rig=Diaphragm())
-    blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), 0.02),))
-    (linear,) = linearise(plant, [Part.whole(blank)], [Opening(place="sensor", signal="reading")])
+    (linear,) = linearise(plant, [Part.whole(blank(command))], [Opening(place="sensor", signal="reading")])
     (problem,) = regressions([linear])
     count = 0
     for draw in range(40):

@@ -6,10 +6,11 @@ from importlib.resources import files
 import jsonschema
 import numpy as np
 import pytest
+from runs import blank
 
 from deatwin.ident.mismatch.locate.response import TERMS, locate_response
 from deatwin.ident.narx import NarxModel
-from deatwin.plant import Diaphragm, ElectrodeRC, Experiment, Plant, Recording
+from deatwin.plant import Diaphragm, ElectrodeRC, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
 
 STEP = 0.02
@@ -33,7 +34,7 @@ def measured(u: np.ndarray, y: np.ndarray, seed: int) -> Recording:
     return Recording.from_arrays(u, y + NOISE * np.random.default_rng((seed, 7)).standard_normal(y.size), STEP)
 
 
-def test_noise_alone_is_no_difference() -> None:
+def test_noise_alone_is_no_difference():
     """Twenty recordings, at 5 % each: more than four with a finding come once in four hundred times."""
     found = 0
     for seed in range(20):
@@ -43,7 +44,7 @@ def test_noise_alone_is_no_difference() -> None:
     assert found <= 4
 
 
-def test_a_change_shows_in_the_orders_that_it_makes() -> None:
+def test_a_change_shows_in_the_orders_that_it_makes():
     u = commands(1, 240.0)
     plant = run(u)
     gain = locate_response([measured(u, run(u, **{key: 1.1 for key in SYSTEM if "u" in key}), 1)], [plant], 0.0)
@@ -58,7 +59,7 @@ def test_a_change_shows_in_the_orders_that_it_makes() -> None:
     assert sizes[3] > 3 * sizes[1]
 
 
-def test_what_the_model_error_allows_does_not_count() -> None:
+def test_what_the_model_error_allows_does_not_count():
     u = commands(2, 240.0)
     plant, actuator = run(u), run(u, **{key: 1.1 for key in SYSTEM if "u" in key})
     apart = float(np.std(actuator - plant))
@@ -68,13 +69,13 @@ def test_what_the_model_error_allows_does_not_count() -> None:
     assert not locate_response([measured(u, actuator, 2)], [plant], 2.5 * apart)
 
 
-def test_a_lag_of_the_film_voltage_is_found_and_clean_readings_are_not() -> None:
+def test_a_lag_of_the_film_voltage_is_found_and_clean_readings_are_not():
     plant = Plant(rig=Diaphragm())
     u = commands(3)
-    blank = Experiment(recordings=(Recording.from_arrays(u, np.zeros_like(u), STEP),))
-    own = plant.simulate(blank).outputs[0][0]
-    clean = plant.record(blank, np.random.default_rng(1)).recordings
-    lagging = plant.with_effects(ElectrodeRC()).record(blank, np.random.default_rng(1)).recordings
+    unread = blank(u)
+    own = plant.simulate(unread).outputs[0][0]
+    clean = plant.record(unread, np.random.default_rng(1)).recordings
+    lagging = plant.with_effects(ElectrodeRC()).record(unread, np.random.default_rng(1)).recordings
     assert locate_response(clean, [own], 1e-6) == ()
     found = locate_response(lagging, [own], 1e-6)
     assert {d.order for d in found} >= {1}
@@ -83,7 +84,7 @@ def test_a_lag_of_the_film_voltage_is_found_and_clean_readings_are_not() -> None
     assert highest.size > lowest.size  # a lag turns fast motion more than slow motion
 
 
-def test_short_records_are_left_out_and_poor_ones_say_nothing() -> None:
+def test_short_records_are_left_out_and_poor_ones_say_nothing():
     u = commands(4)
     y = run(u)
     with_short = locate_response([measured(u, 1.5 * y, 4), measured(u[:100], y[:100], 5)], [y, y[:100]], 0.0)
@@ -94,7 +95,7 @@ def test_short_records_are_left_out_and_poor_ones_say_nothing() -> None:
     assert locate_response([measured(u, y, 4)], [np.zeros_like(y)], 0.0) is None
 
 
-def test_the_file_may_say_that_nothing_could_be_tested() -> None:
+def test_the_file_may_say_that_nothing_could_be_tested():
     schema = json.loads((files("deatwin.ident") / "schemas" / "diagnosis.schema.json").read_text(encoding="utf-8"))
     for response in (None, []):
         jsonschema.validate(response, schema["properties"]["locate"]["properties"]["response"])

@@ -21,7 +21,7 @@ def track(residual: np.ndarray, sample_time: float) -> Track:
 
 
 @SLOW
-def test_a_tone_is_found_at_its_frequency_and_noise_is_none(sample_time: float) -> None:
+def test_a_tone_is_found_at_its_frequency_and_noise_is_none(sample_time):
     hits = 0
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -35,7 +35,7 @@ def test_a_tone_is_found_at_its_frequency_and_noise_is_none(sample_time: float) 
 
 
 @SLOW
-def test_an_onset_is_found_within_three_windows(sample_time: float) -> None:
+def test_an_onset_is_found_within_three_windows(sample_time):
     rng = np.random.default_rng(5)
     found = locate_time([track(rng.normal(size=1000) * np.where(np.arange(1000) < 500, 1.0, 4.0), sample_time)], 1.0)
     late = max(found.windows, key=lambda window: window.score)
@@ -45,7 +45,7 @@ def test_an_onset_is_found_within_three_windows(sample_time: float) -> None:
 
 
 @SLOW
-def test_a_thermometer_in_coarse_steps_under_a_thermostat_is_not_stuck(sample_time: float) -> None:
+def test_a_thermometer_in_coarse_steps_under_a_thermostat_is_not_stuck(sample_time):
     # First order with a time constant of forty samples; steps of a hundredth of the range.
     heat = np.repeat(np.random.default_rng(2).choice([0.0, 1.0], 150), 7)
     rise, state = [], 0.0
@@ -57,7 +57,7 @@ def test_a_thermometer_in_coarse_steps_under_a_thermostat_is_not_stuck(sample_ti
 
 
 @SLOW
-def test_a_gaussian_process_learns_a_lagged_residual(sample_time: float) -> None:
+def test_a_gaussian_process_learns_a_lagged_residual(sample_time):
     drive = np.random.default_rng(1).normal(size=600)
     residual = 0.5 * np.roll(drive, 1)
     learned = gaussian_process(
@@ -67,7 +67,7 @@ def test_a_gaussian_process_learns_a_lagged_residual(sample_time: float) -> None
     assert left.std() < 0.5 * residual.std()  # a lag of one sample, of five regressors
 
 
-def test_a_reading_that_is_missing_for_most_of_a_record_has_its_mismatch_where_it_is_known() -> None:
+def test_a_reading_that_is_missing_for_most_of_a_record_has_its_mismatch_where_it_is_known():
     """Missing values count as 0, and most windows are then alike."""
     residual = np.where(np.arange(1500) < 500, 2.0 + np.random.default_rng(6).normal(size=1500), 0.0)
     (window,) = locate_time([track(residual, 0.02)], 1.0).windows

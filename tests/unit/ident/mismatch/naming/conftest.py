@@ -1,6 +1,5 @@
 """Explanations that leave residuals of given sizes, and searches in which such ones were tried."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -53,23 +52,23 @@ class Nominal:
 
 
 @pytest.fixture
-def noise() -> float:
+def noise():
     return NOISE
 
 
 @pytest.fixture
-def nothing() -> Naming:
+def nothing():
     """No explanation was found."""
     return Naming(candidates=(), best=None, alternatives=(), probabilities={}, noise=NOISE)
 
 
 @pytest.fixture
-def is_adequate() -> Callable[[Candidate], bool]:
+def is_adequate():
     return lambda explanation: explanation.adequate
 
 
 @pytest.fixture
-def candidate() -> Callable[..., Candidate]:
+def candidate():
     """``candidate(*effects, rms, unseen=None, alone=inf)``: an explanation with residuals of exactly these sizes.
 
     By themselves its effects do so much as ``alone`` says.
@@ -94,7 +93,7 @@ def candidate() -> Callable[..., Candidate]:
 
 
 @pytest.fixture
-def held() -> Callable[..., Candidate]:
+def held():
     """``held(candidate, cost, *at_bound)``: the same, of which more damping would leave ``cost`` less in mean square.
 
     The damping has a value of its range from 1 to 2, and moves on some scale.
@@ -124,7 +123,7 @@ def held() -> Callable[..., Candidate]:
 
 
 @pytest.fixture
-def differing_fast() -> Callable[[Candidate, float], Candidate]:
+def differing_fast():
     """``differing_fast(candidate, size)``: what it leaves, slower, and so much more at half the sample rate."""
 
     def of(explanation: Candidate, size: float) -> Candidate:
@@ -140,7 +139,7 @@ def _added(residuals: np.ndarray, size: float) -> np.ndarray:
 
 
 @pytest.fixture
-def search_over() -> Callable[..., Search]:
+def search_over():
     """``search_over(*candidates)``: a search in which these were tried, the base plant first."""
 
     def make(*candidates: Candidate) -> Search:

@@ -18,6 +18,8 @@ from deatwin.ident.mismatch.naming.decide import (
     with_distances,
 )
 
+PROBLEM = SimpleNamespace(everything=(), jobs=1)
+
 
 def test_the_best_adequate_explanation_stands_alone(candidate, is_adequate, noise):
     right, wrong = candidate("creep", rms=2.1), candidate("electrode_rc", rms=4.7)
@@ -69,7 +71,7 @@ def test_another_head_keeps_the_distances_that_are_known_from_it(candidate, nois
     assert led.distances == (Distance(effects=("delay", "creep"), d2=9.0),)
 
 
-def test_the_distance_to_a_rival_is_not_that_of_the_same_effects_in_another_form(candidate, noise, monkeypatch):
+def test_the_distance_to_a_rival_is_not_that_of_the_same_effects_in_another_form(candidate, noise):
     best, near, twin = candidate("creep", rms=2.1), candidate("leakage", rms=2.1), candidate("delay", rms=9.0)
     distances = (Distance(effects=("creep", "leakage"), d2=4.0), Distance(effects=("creep", "delay"), d2=147.0))
     naming = Naming(
@@ -80,17 +82,17 @@ def test_the_distance_to_a_rival_is_not_that_of_the_same_effects_in_another_form
         noise=noise,
         distances=distances,
     )
-    alternative, problem = candidate("delay", rms=2.1), SimpleNamespace(everything=(), jobs=1)
+    alternative = candidate("delay", rms=2.1)
     asked = []
 
     def apart(one, other, parts, level):
         asked.append((one, other, level))
         return 2.0
 
-    told = with_all_distances(naming.beside([alternative]), problem, apart)
+    told = with_all_distances(naming.beside([alternative]), PROBLEM, apart)
     assert asked == [(best.calibration, alternative.calibration, noise)]  # of what is known nothing is asked again
     assert {d.effects: d.d2 for d in told.distances} == {("creep", "leakage"): 4.0, ("creep", "delay"): 2.0}
-    led = with_all_distances(told.with_best(alternative), problem, apart)  # from which only one distance is known
+    led = with_all_distances(told.with_best(alternative), PROBLEM, apart)  # from which only one distance is known
     assert {d.effects: d.d2 for d in led.distances} == {("delay", "creep"): 2.0, ("delay", "leakage"): 2.0}
     assert {d.effects[1] for d in led.distances} == {"+".join(r.effects) for r in led.alternatives}
 
@@ -152,22 +154,19 @@ def test_what_is_as_likely_as_the_best_is_a_rival_though_it_misses_a_limit_by_a_
 
 
 @pytest.mark.parametrize(("rms", "kept"), [(2.59, True), (2.7, False)])
-def test_what_is_worse_by_more_than_the_model_error_has_been_told_apart(
-    candidate, is_adequate, noise, monkeypatch, rms, kept
-):
+def test_what_is_worse_by_more_than_the_model_error_has_been_told_apart(candidate, is_adequate, noise, rms, kept):
     """2.3² + 1.2² = 2.59²; of the two the inputs are said to predict no difference."""
     best, other = candidate("creep", rms=2.3), candidate("mullins", rms=rms)
     decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
     assert decided.alternatives == ()
-    problem = SimpleNamespace(everything=(), jobs=1)
-    found = with_distances(decided, (best, other), problem, lambda c: True, lambda *given: 9.0)
+    found = with_distances(decided, (best, other), PROBLEM, lambda c: True, lambda *given: 9.0)
     assert (found.alternatives == (other,)) is kept
     assert [d.d2 for d in found.distances] == [9.0]
 
 
 @pytest.mark.parametrize(("d2", "more", "kept"), [(17.0, 1, False), (15.0, 1, True), (17.0, 0, True)])
 def test_what_differs_by_little_is_no_rival_where_it_is_told_apart_and_unlikely(
-    candidate, is_adequate, noise, monkeypatch, d2, more, kept
+    candidate, is_adequate, noise, d2, more, kept
 ):
     """200 ln(2.125 / 2.1) are 2.4 nats, with a parameter more 5.0: strong."""
     best, other = candidate("creep", rms=2.1), candidate("mullins", rms=2.125)
@@ -175,8 +174,7 @@ def test_what_differs_by_little_is_no_rival_where_it_is_told_apart_and_unlikely(
     other = replace(other, calibration=SimpleNamespace(**{**vars(other.calibration), "names": names}))
     decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
     assert decided.alternatives == (() if more else (other,))
-    problem = SimpleNamespace(everything=(), jobs=1)
-    found = with_distances(decided, (best, other), problem, lambda c: True, lambda *given: d2)
+    found = with_distances(decided, (best, other), PROBLEM, lambda c: True, lambda *given: d2)
     assert (found.alternatives == (other,)) is kept
 
 
@@ -188,13 +186,12 @@ def test_of_what_reads_alike_a_rival_is_left_that_is_not_20_times_less_likely_be
     best, other = candidate("permittivity_drift", rms=2.1), candidate("sensor_drift_at_command_gain", rms=2.1)
     other = replace(other, log_share=-1.4, log_size=1.4 - unlikely)
     decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
-    problem = SimpleNamespace(everything=(), jobs=1)
-    found = with_distances(decided, (best, other), problem, lambda c: True, lambda *given: 0.03)
+    found = with_distances(decided, (best, other), PROBLEM, lambda c: True, lambda *given: 0.03)
     assert (found.alternatives == (other,)) is kept
     assert cannot_rule_out(other, best) is kept
 
 
-def test_distances_need_no_probabilities_and_take_no_rival_away(candidate, noise, monkeypatch):
+def test_distances_need_no_probabilities_and_take_no_rival_away(candidate, noise):
     """A decision by other fits may know more of an alternative, or nothing of one that could not be fitted there."""
     # 200 ln(2.2 / 2.1) are 9 nats, and the two differ by half of the model error
     best, alternative, lost = candidate("creep", rms=2.1), candidate("delay", rms=2.2), candidate("mullins", rms=3.0)
@@ -202,8 +199,7 @@ def test_distances_need_no_probabilities_and_take_no_rival_away(candidate, noise
     naming = Naming(
         candidates=(best, alternative, lost), best=best, alternatives=(alternative,), probabilities=known, noise=noise
     )
-    problem = SimpleNamespace(everything=(), jobs=1)
-    found = with_distances(naming, (best, alternative, lost), problem, lambda c: True, lambda *given: 100.0)
+    found = with_distances(naming, (best, alternative, lost), PROBLEM, lambda c: True, lambda *given: 100.0)
     assert found.alternatives == (alternative,)
     assert found.probabilities == known
 
@@ -211,10 +207,10 @@ def test_distances_need_no_probabilities_and_take_no_rival_away(candidate, noise
 def test_the_distance_of_the_same_two_fits_is_reckoned_once(candidate, noise):
     best, alternative, better = candidate("creep", rms=2.1), candidate("delay", rms=2.2), candidate("delay", rms=2.15)
     naming = Naming(candidates=(best, alternative), best=best, alternatives=(), probabilities={}, noise=noise)
-    problem, known, asked = SimpleNamespace(everything=(), jobs=1), {}, []
+    known, asked = {}, []
 
     def reckoned(*stage: Candidate) -> list[float]:
-        found = with_distances(naming, stage, problem, lambda c: True, lambda *given: asked.append(given) or 9.0, known)
+        found = with_distances(naming, stage, PROBLEM, lambda c: True, lambda *given: asked.append(given) or 9.0, known)
         return [distance.d2 for distance in found.distances]
 
     assert (

@@ -57,15 +57,21 @@ def test_each_effect_of_a_pair_may_have_become_another():
     assert alternatives(best, single, pair) == [pair.effects]
 
 
-@pytest.mark.parametrize(("deviation", "friction"), [(0.11, True), (0.09, False)])
-def test_nearly_the_smallest_distance_may_be_dry_friction_too_unless_it_is_surely_more(deviation, friction):
-    best = candidate(hysteresis(1.2 * LOWEST), deviation=deviation)  # the logarithm of 1.2 is 1.96 times 0.093
+@pytest.mark.parametrize(
+    ("distance", "deviation", "at_bound", "friction"),
+    [
+        (1.2 * LOWEST, 0.11, (), True),  # the logarithm of 1.2 is 1.96 times 0.093
+        (1.2 * LOWEST, 0.09, (), False),
+        (1.0004 * LOWEST, 1e-5, ("hysteresis.distance",), True),  # it ended there, however narrow its interval
+        (30e-6, 0.01, (), False),
+        (HIGHEST, 0.01, (), False),
+    ],
+)
+def test_nearly_the_smallest_distance_may_be_dry_friction_unless_it_is_surely_more(
+    distance, deviation, at_bound, friction
+):
+    best = candidate(hysteresis(distance), deviation=deviation, at_bound=at_bound)
     assert alternatives(best, candidate(FRICTION)) == ([("coulomb_friction",)] if friction else [])
-
-
-@pytest.mark.parametrize("distance", [30e-6, HIGHEST])
-def test_elsewhere_it_is_hysteresis(distance):
-    assert alternatives(candidate(hysteresis(distance)), candidate(FRICTION)) == []
 
 
 def test_without_an_answer_nothing_is_added():
@@ -83,11 +89,6 @@ def test_what_an_effect_becomes_is_in_the_catalogue_and_at_a_parameter_of_its_ow
 def test_what_was_a_rival_before_is_as_likely_too():
     best, friction = candidate(hysteresis(LOWEST)), candidate(FRICTION)
     assert alternatives(best, friction, before=(friction,)) == [("coulomb_friction",)]
-
-
-def test_what_ended_on_its_bound_has_become_the_other_however_narrow_its_interval():
-    best = candidate(hysteresis(1.0004 * LOWEST), deviation=1e-5, at_bound=("hysteresis.distance",))
-    assert alternatives(best, candidate(FRICTION)) == [("coulomb_friction",)]
 
 
 def test_what_was_in_the_plant_before_is_no_explanation():

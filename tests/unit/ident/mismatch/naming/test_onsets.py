@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from made_fits import made_problem
+from needs import COMPILED
 
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.mismatch.naming.onsets import beginning_at_each, event_lead, event_leads
@@ -14,7 +15,6 @@ from deatwin.ident.mismatch.naming.screen import Lead, LinearisedResponse, leads
 from deatwin.ident.mismatch.refit import search
 from deatwin.plant import Creep, Diaphragm, ElectrodeLoss, Experiment, Plant, Recording, SensorDrift, SensorJump
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.parameters import Parameter
 
 PLANT = Plant(rig=Diaphragm())
@@ -140,7 +140,7 @@ def test_nothing_is_explained_that_the_fit_does_without():
 
 
 @pytest.fixture(scope="module")
-def part() -> Part:
+def part():
     """Of a film that loses a third of its electrode late, on a sensor that drifts the same way all the time."""
     commands = band_limited_noise(np.random.default_rng(0), SECONDS, SAMPLE_TIME)
     blank = Recording.from_arrays(commands, np.zeros_like(commands), SAMPLE_TIME)
@@ -148,12 +148,7 @@ def part() -> Part:
     return Part.whole(film.record(Experiment(recordings=(blank,)), np.random.default_rng(1)))
 
 
-slow_without_compiler = pytest.mark.skipif(
-    compiler() is None, reason="fits: without a C compiler they take ten times as long"
-)
-
-
-@slow_without_compiler
+@COMPILED
 def test_an_event_is_seen_from_before_it_came(part):
     fit = calibrate(PLANT, [part], evaluations=10, starts=1)
     problem = made_problem(fitted=(part,))
@@ -171,7 +166,7 @@ def test_an_event_is_seen_from_before_it_came(part):
     assert lead.share > 0.9
 
 
-@slow_without_compiler
+@COMPILED
 def test_where_it_begins_is_not_the_bent_plant(part, monkeypatch):
     begun = []
     monkeypatch.setattr(
@@ -183,14 +178,14 @@ def test_where_it_begins_is_not_the_bent_plant(part, monkeypatch):
     assert begun == [PLANT]
 
 
-@slow_without_compiler
+@COMPILED
 def test_what_is_no_event_or_in_the_plant_has_no_lead_here(part):
     plant = PLANT.with_effects(SensorJump(at=AT))
     fit = calibrate(plant, [part], evaluations=3, starts=1)
     assert event_leads(plant, fit, [Creep(), SensorJump()], [part]) == ()
 
 
-@slow_without_compiler
+@COMPILED
 @pytest.mark.parametrize(
     "place, found",
     [("approach", SimpleNamespace(status=SimpleNamespace(ok=False))), ("response", None), ("Problem.evaluate", None)],
@@ -214,7 +209,7 @@ class Unbearable(ElectrodeLoss):
         return Parameter(name="share", value=self.share, unit="1", lower=-1e3, upper=1e3), at
 
 
-@slow_without_compiler
+@COMPILED
 def test_a_fit_starts_with_a_strength_at_which_the_plant_was_simulated(part):
     fit = calibrate(PLANT, [part], evaluations=3, starts=1)
     problem = made_problem(fitted=(part,))

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from needs import COMPILED
 from oscillator import Oscillator
 
 from deatwin.ident.mismatch import Verdict, diagnose
@@ -26,9 +27,6 @@ from deatwin.plant import (
     SensorJump,
     SensorLag,
 )
-from deatwin.plant.integrator.compiled import compiler
-
-COMPILED = pytest.mark.skipif(compiler() is None, reason="many fits: without a C compiler they take ten times as long")
 
 
 def recorded(rig: Rig, *effects, count: int = 800, seed: int = 1, level: float = 1.8, late: int = 0) -> Experiment:
@@ -66,7 +64,7 @@ def test_a_force_tone_of_one_millinewton_is_named_as_a_force():
 @COMPILED
 def test_a_late_camera_beside_an_undelayed_current_is_placed_at_the_reading():
     rig = Diaphragm(further=(Reading(name="current", noise=20e-9),))
-    found = diagnose(Plant(rig=rig), recorded(rig, late=5), effects=[Delay(), SensorLag()])
+    found = diagnose(Plant(rig=rig), recorded(rig, late=5, count=480), effects=[Delay(), SensorLag()])
     (cause,) = found.causes
     assert (found.verdict, cause.effect, cause.place, cause.family) == (Verdict.NAMED, "delay", "reading", "sensor")
     assert cause.parameters["time"].low < 0.1 < cause.parameters["time"].high

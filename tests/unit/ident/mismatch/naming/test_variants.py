@@ -1,9 +1,7 @@
 """Other forms of the plant, on residuals whose sizes are given: which is taken, and what is looked for there."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +18,7 @@ from deatwin.ident.mismatch.refit.base import _preferred
 
 
 @pytest.fixture
-def form(noise: float, is_adequate: Callable[[Candidate], bool]) -> Callable[..., tuple[Any, list[Any], Naming]]:
+def form(noise, is_adequate):
     """``form(*explanations, least=1.0)``: a search in one form of the rig, and what it decided."""
 
     def make(*explanations: Candidate, least: float = 1.0):
@@ -31,7 +29,7 @@ def form(noise: float, is_adequate: Callable[[Candidate], bool]) -> Callable[...
 
 
 @pytest.fixture
-def scripted(nothing: Naming, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[Any, list[Any], Naming]]:
+def scripted(nothing, monkeypatch):
     """``scripted(stages, most=True)``: a search whose decisions over one effect, two and three are given."""
 
     def make(stages: list[Naming], most: bool = True):
@@ -48,9 +46,7 @@ def scripted(nothing: Naming, monkeypatch: pytest.MonkeyPatch) -> Callable[..., 
 
 
 @pytest.fixture
-def elsewhere(
-    search_over: Callable[..., Search], monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., list[list[tuple[str, ...]]]]:
+def elsewhere(search_over, monkeypatch):
     """What sets of effects leave in another form of the plant, instead of fits; the stages that are judged there."""
 
     def leave(*known: Candidate) -> list[list[tuple[str, ...]]]:
@@ -82,7 +78,7 @@ def elsewhere(
 
 
 @pytest.fixture
-def pair_of_a_delay(candidate: Callable[..., Candidate], search_over: Callable[..., Search]) -> tuple[Search, Naming]:
+def pair_of_a_delay(candidate, search_over):
     pair = candidate("delay", "end_stop", rms=2.05)
     search = search_over(candidate(rms=5.7), candidate("end_stop", rms=4.9), candidate("delay", rms=4.5), pair)
     return search, decided(search, [pair.effects])

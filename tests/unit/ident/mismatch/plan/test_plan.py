@@ -66,29 +66,29 @@ def row(plan: ExperimentPlan, name: str):
 
 
 @pytest.fixture(scope="module")
-def plan() -> ExperimentPlan:
+def plan():
     return plan_experiment(Plant(rig=Amplifier()), steps(), effects=EFFECTS)
 
 
-def test_steps_show_what_a_constant_cannot(plan: ExperimentPlan) -> None:
+def test_steps_show_what_a_constant_cannot(plan):
     held = plan_experiment(Plant(rig=Amplifier()), commands(np.zeros(600)), effects=EFFECTS)
     assert all(one.visible for one in plan.effects)
     assert row(held, "delay").smallest is None and row(held, "sensor_lag").smallest is None
     assert "not detected at any strength" in row(held, "delay").sentence
 
 
-def test_the_change_is_what_a_simulation_with_the_effect_gives(plan: ExperimentPlan) -> None:
+def test_the_change_is_what_a_simulation_with_the_effect_gives(plan):
     plant, record = Plant(rig=Amplifier()), plan.recording
     with_delay = plant.with_effects(Delay()).simulate(Experiment(recordings=(record,))).outputs[0][0]
     assert row(plan, "delay").change == pytest.approx(1e6 * np.sqrt(np.mean((with_delay - record.outputs[0]) ** 2)))
 
 
-def test_more_noise_needs_more(plan: ExperimentPlan) -> None:
+def test_more_noise_needs_more(plan):
     noisy = plan_experiment(Plant(rig=Amplifier(noise=2e-5)), steps(), effects=EFFECTS)
     assert all(row(noisy, one.effect).smallest > one.smallest for one in plan.effects)
 
 
-def test_given_effects_have_the_units_and_sizes_of_the_rig() -> None:
+def test_given_effects_have_the_units_and_sizes_of_the_rig():
     @dataclass(frozen=True, kw_only=True)
     class Coil(Amplifier):
         kind: ClassVar[str] = "coil"
@@ -101,7 +101,7 @@ def test_given_effects_have_the_units_and_sizes_of_the_rig() -> None:
     assert found.typical == Coil.sizes.of(DeadZone(width=0.1)).width
 
 
-def test_a_slow_input_does_not_tell_a_delay_from_a_lag() -> None:
+def test_a_slow_input_does_not_tell_a_delay_from_a_lag():
     slow = commands(2.5 - 2.5 * np.cos(2 * np.pi * np.arange(1500) * STEP / 15.0))
     found = plan_experiment(Plant(rig=Amplifier(noise=2e-6)), slow, effects=(Delay(), SensorLag(time=0.03)))
     fast = plan_experiment(Plant(rig=Amplifier(noise=2e-6)), steps(1500), effects=(Delay(), SensorLag(time=0.03)))
@@ -122,7 +122,7 @@ class Watched(Amplifier):
         return reading
 
 
-def test_a_second_sensor_tells_what_the_input_leaves() -> None:
+def test_a_second_sensor_tells_what_the_input_leaves():
     slow = commands(2.5 - 2.5 * np.cos(2 * np.pi * np.arange(1500) * STEP / 4.0))
     effects = (Delay(), SensorLag(time=0.03))
     found = plan_experiment(Plant(rig=Watched(noise=1e-6)), slow, effects=effects)
@@ -138,7 +138,7 @@ def test_a_second_sensor_tells_what_the_input_leaves() -> None:
     assert not row(bought, "delay").alike and not row(bought, "sensor_lag").alike
 
 
-def test_an_input_is_advised_within_the_range(tmp_path) -> None:
+def test_an_input_is_advised_within_the_range(tmp_path):
     rig = Amplifier(command_range=(0.0, 4.0))
     plan = plan_experiment(Plant(rig=rig), effects=(Delay(), SensorCurvature()), seconds=8.0)
     assert plan.waveform in plan.tried and plan.tried[plan.waveform] == min(plan.tried.values())
@@ -149,14 +149,14 @@ def test_an_input_is_advised_within_the_range(tmp_path) -> None:
     assert json.dumps(plan.to_dict()) == json.dumps(again.to_dict())
 
 
-def test_what_cannot_be_planned_is_said() -> None:
+def test_what_cannot_be_planned_is_said():
     plant = Plant(rig=Amplifier())
     with pytest.raises(DataError, match=r"no range of its command, .*command_max_V"):
         plan_experiment(plant)
     with pytest.raises(DataError, match="commands must be a Recording, whose readings are ignored, not a ndarray"):
-        plan_experiment(plant, np.zeros(200))  # type: ignore[arg-type]
+        plan_experiment(plant, np.zeros(200))
     with pytest.raises(ModelError, match="a plan needs a Plant, not a Amplifier"):
-        plan_experiment(plant.rig, steps())  # type: ignore[arg-type]
+        plan_experiment(plant.rig, steps())
     with pytest.raises(DataError, match="either an input or a length"):
         plan_experiment(plant, steps(), seconds=3.0)
     with pytest.raises(DataError, match="none of the effects can be added"):
@@ -168,7 +168,7 @@ def test_what_cannot_be_planned_is_said() -> None:
             plan_experiment(plant.with_rig(replace(plant.rig, command_range=(0.0, 1.0))), seconds=seconds)
 
 
-def test_the_plot_has_a_mark_for_each_effect_that_is_found(plan: ExperimentPlan) -> None:
+def test_the_plot_has_a_mark_for_each_effect_that_is_found(plan):
     axes = plan.plot()
     assert [label.get_text() for label in axes.get_yticklabels()] == [
         one.effect.replace("_", " ") for one in plan.effects

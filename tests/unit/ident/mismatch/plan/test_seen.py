@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from processes import drawn
 
 from deatwin.ident.mismatch.likelihood.beforehand import PRIORS, TIMING, OwnError
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior, Reading
@@ -63,18 +64,9 @@ def test_expected_evidence_is_that_of_drawn_readings(error):
 
     gained = []
     for _ in range(150):
-        slow = np.zeros(N)
-        for weight, time in zip(error.process.weights, error.process.times, strict=True):
-            keep = np.exp(-STEP / time)
-            kicks = RNG.standard_normal(N) * np.sqrt(1 - keep**2)
-            kicks[0] = RNG.standard_normal()
-            walk = np.empty(N)
-            at = 0.0
-            for k, kick in enumerate(kicks):
-                at = walk[k] = keep * at + kick
-            slow += np.sqrt(weight) * error.ratio * NOISE * walk
-        drawn = nuisance @ RNG.standard_normal(nuisance.shape[1]) + slow + NOISE * RNG.standard_normal(N)
-        residual = drawn + strength * one.readings
+        slow = error.ratio * NOISE * drawn(error.process, N, STEP, RNG)
+        noisy = nuisance @ RNG.standard_normal(nuisance.shape[1]) + slow + NOISE * RNG.standard_normal(N)
+        residual = noisy + strength * one.readings
         gained.append(log(residual, np.column_stack([nuisance, one.readings])) - log(residual, nuisance))
     # b is normal about q s with variance q: E b² = q² s² + q.
     expected = 0.5 * (square**2 * strength**2 + square) / (square + 1.0) - 0.5 * np.log1p(square)

@@ -32,7 +32,7 @@ def marked(reading: np.ndarray, simulated: np.ndarray, command: np.ndarray) -> n
 
 
 @pytest.mark.parametrize("last", [1300, SIZE])
-def test_a_hold_under_a_brisk_command_is_found_up_to_its_end(last: int) -> None:
+def test_a_hold_under_a_brisk_command_is_found_up_to_its_end(last):
     """At least nine of ten draws, to within a second: where the plant is near the value held there is no leap."""
     found = []
     for seed in range(10):
@@ -47,7 +47,7 @@ def test_a_hold_under_a_brisk_command_is_found_up_to_its_end(last: int) -> None:
 
 
 @pytest.mark.parametrize("samples", [40, 80, 160])
-def test_a_hold_of_part_of_a_second_is_found(samples: int) -> None:
+def test_a_hold_of_part_of_a_second_is_found(samples):
     """0.2 to 0.8 s in which the plant moved on by a fifth of its range: at least nine of ten draws, up to the end."""
     found = []
     for seed in range(10):
@@ -64,7 +64,7 @@ def test_a_hold_of_part_of_a_second_is_found(samples: int) -> None:
     assert sum(map(bool, found)) >= 9
 
 
-def test_a_strip_that_goes_slack_is_not_held() -> None:
+def test_a_strip_that_goes_slack_is_not_held():
     """Its force stays at zero, the end of its range, while a plant that pushes as well as pulls goes on."""
     rng = np.random.default_rng(90)
     command = np.concatenate([np.linspace(0.0, 1.0, SIZE // 2), np.linspace(1.0, -0.3, SIZE - SIZE // 2)])
@@ -88,7 +88,7 @@ def friction(command: np.ndarray, level: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("physics", ["friction", "stop", "dead time", "lag", "dead zone"])
-def test_what_a_plant_does_is_no_hold(physics: str) -> None:
+def test_what_a_plant_does_is_no_hold(physics):
     """The model lacks the physics; commands change slowly enough for long stands."""
     for seed in range(10):
         rng = np.random.default_rng(100 + seed)
@@ -104,7 +104,7 @@ def test_what_a_plant_does_is_no_hold(physics: str) -> None:
         assert not marked(true + NOISE * rng.standard_normal(SIZE), simulated, command).any()
 
 
-def test_a_current_whose_peaks_come_a_sample_late_is_not_held() -> None:
+def test_a_current_whose_peaks_come_a_sample_late_is_not_held():
     rng = np.random.default_rng(3)
     command = rng.uniform(-1.0, 1.0, SIZE)[np.cumsum(rng.random(SIZE) < 0.005)]
     simulated = np.diff(lag(command, 0.01), prepend=0.0)
@@ -112,7 +112,7 @@ def test_a_current_whose_peaks_come_a_sample_late_is_not_held() -> None:
     assert not marked(reading, simulated, command).any()
 
 
-def test_missing_values_are_no_hold() -> None:
+def test_missing_values_are_no_hold():
     rng = np.random.default_rng(4)
     command = holds(rng)
     simulated = lag(command)
@@ -122,7 +122,7 @@ def test_missing_values_are_no_hold() -> None:
 
 
 @pytest.mark.parametrize("row", [0, 1])
-def test_a_hold_is_the_fault_of_its_own_reading(row: int) -> None:
+def test_a_hold_is_the_fault_of_its_own_reading(row):
     """Beside a sound displacement a capacitance that is held is left out; a displacement that is held makes the verdict."""
     plant = Plant(rig=Planar(noise=2e-6, further=(Reading(name="capacitance", noise=1e-12),)))
     rng = np.random.default_rng(5)

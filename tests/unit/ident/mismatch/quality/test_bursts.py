@@ -25,7 +25,7 @@ def marked(added: np.ndarray, command: np.ndarray | None = None, seed: int = 0) 
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_burst_is_marked_to_a_window(seed: int) -> None:
+def test_a_burst_is_marked_to_a_window(seed):
     mask = marked(4.0 * np.random.default_rng(100 + seed).standard_normal(200), seed=seed)
     assert mask[STRETCH].mean() > 0.9
     assert mask.sum() <= 200 + 2 * 50
@@ -45,12 +45,12 @@ def test_a_burst_is_marked_to_a_window(seed: int) -> None:
     ],
     ids=["a hump", "a tone", "a fast tone", "a tone as white as noise", "a mode", "one value", "peaks", "ringing"],
 )
-def test_what_is_no_white_noise_is_no_burst(added: np.ndarray) -> None:
+def test_what_is_no_white_noise_is_no_burst(added):
     assert not marked(added).any()
 
 
 @pytest.mark.parametrize("size", [10.0, 20.0, 100.0])
-def test_a_loud_burst_is_no_heap_of_outliers(size: float) -> None:
+def test_a_loud_burst_is_no_heap_of_outliers(size):
     """Of normal noise hardly a value is usual then: none of ten draws has an outlier, and each stretch is a burst."""
     for seed in range(10):
         rng = np.random.default_rng(seed)
@@ -61,7 +61,7 @@ def test_a_loud_burst_is_no_heap_of_outliers(size: float) -> None:
 
 
 @pytest.mark.parametrize(("many", "least"), [(1, 1.0), (5, 0.9)])
-def test_outliers_are_no_burst(many: int, least: float) -> None:
+def test_outliers_are_no_burst(many, least):
     """Of values fifty deviations off, so many in 200 and none within five samples of another, nearly all are found."""
     found = []
     for seed in range(10):
@@ -75,7 +75,7 @@ def test_outliers_are_no_burst(many: int, least: float) -> None:
     assert np.mean(found) >= least
 
 
-def test_noise_that_goes_with_the_command_may_be_the_plants_own() -> None:
+def test_noise_that_goes_with_the_command_may_be_the_plants_own():
     """A plant that lacks a dead time leaves noise where its command is noise, and nothing where that rests."""
     command = np.zeros(1500)
     command[STRETCH] = np.random.default_rng(1).standard_normal(200)
@@ -84,14 +84,14 @@ def test_noise_that_goes_with_the_command_may_be_the_plants_own() -> None:
     assert marked(added, np.random.default_rng(1).standard_normal(1500)).any()
 
 
-def test_white_noise_has_no_bursts() -> None:
+def test_white_noise_has_no_bursts():
     rng = np.random.default_rng(3)
     found = [noisier([rng.standard_normal(3000)], [np.zeros(3000)], 1.0)[0].any() for _ in range(100)]
     assert sum(found) <= 1
 
 
 @pytest.mark.parametrize("row", [0, 1])
-def test_a_burst_is_said_and_left_out_of_its_own_reading(row: int) -> None:
+def test_a_burst_is_said_and_left_out_of_its_own_reading(row):
     rng = np.random.default_rng(4)
     command = np.repeat(rng.uniform(0.5, 1.5, 40), 25)
     blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros((0, 1000)), PLANT.rig.sample_time),))
@@ -108,7 +108,7 @@ def test_a_burst_is_said_and_left_out_of_its_own_reading(row: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_burst_is_found_beside_missing_physics_many_times_as_large(seed: int) -> None:
+def test_a_burst_is_found_beside_missing_physics_many_times_as_large(seed):
     """What a plant lacks is slow, and lies in the other windows as well: here filtered noise of forty deviations."""
     rng = np.random.default_rng(20 + seed)
     slow = lfilter([1.0], np.poly([0.97, 0.97]), rng.standard_normal(1500))

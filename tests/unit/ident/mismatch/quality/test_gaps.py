@@ -22,7 +22,7 @@ def gapped(changes_at: int) -> Experiment:
     return Experiment(recordings=(whole.section(0, 300), whole.section(350, count)))
 
 
-def test_readings_count_again_where_the_time_of_the_change_no_longer_matters() -> None:
+def test_readings_count_again_where_the_time_of_the_change_no_longer_matters():
     experiment = gapped(330)
     checked = without_unknown(check_quality(PLANT, experiment), PLANT, PLANT.rig.noise)
     before, after = checked.unknown[0]
@@ -56,7 +56,7 @@ def behind_a_wander(rate: float, seed: int) -> tuple[float, float]:
 
 
 @pytest.mark.usefixtures("uncompiled")
-def test_behind_a_gap_a_plant_that_swings_is_left_out_as_long_as_it_does() -> None:
+def test_behind_a_gap_a_plant_that_swings_is_left_out_as_long_as_it_does():
     """Fifty kicks of 5 mN over 20 ms, at random, leave a motion of 5e-3 * 0.02 / m * sqrt(50) / omega, a thousand deviations,
     which falls to one in 7 decay times; a guess that is wrong by a factor of e is one decay time off. It leaves up to e
     deviations beside the four of the noise: above seven lies one in ten at most.
@@ -69,12 +69,12 @@ def test_behind_a_gap_a_plant_that_swings_is_left_out_as_long_as_it_does() -> No
 
 
 @pytest.mark.parametrize("changes_at", [400, 2000], ids=["after it", "never"])
-def test_a_command_that_is_the_same_behind_a_gap_was_held(changes_at: int) -> None:
+def test_a_command_that_is_the_same_behind_a_gap_was_held(changes_at):
     checked = check_quality(PLANT, gapped(changes_at))
     assert without_unknown(checked, PLANT, PLANT.rig.noise) is checked
 
 
-def test_where_hardly_a_reading_would_count_all_do() -> None:
+def test_where_hardly_a_reading_would_count_all_do():
     """Without noise or model error a difference counts as long as there is any."""
     before, after = gapped(330).recordings
     checked = check_quality(PLANT, Experiment(recordings=(before.section(260, 300), after)))

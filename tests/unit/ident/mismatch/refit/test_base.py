@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from made_fits import made_fit, made_problem
 from made_rigs import Bare
+from runs import blank
 
 from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.greybox.parts import Part
@@ -124,8 +125,7 @@ class Lag(Bare):
 
 def test_a_parameter_that_does_nothing_where_a_fit_ended_is_looked_for_by_half_decades():
     commands = np.random.default_rng(1).normal(size=300)
-    held = Experiment(recordings=(Recording.from_arrays(commands, np.zeros(300), 0.02),))
-    readings = Plant(rig=Lag(late=0.05)).simulate(held).require().outputs[0][0]
+    readings = Plant(rig=Lag(late=0.05)).simulate(blank(commands)).require().outputs[0][0]
     parts = [Part.whole(Experiment(recordings=(Recording.from_arrays(commands, readings, 0.02),)))]
     known = approach(Plant(rig=Lag(late=0.06)), parts)
     assert where_it_acts(known, parts, known.names) is known.plant
@@ -158,8 +158,7 @@ def test_candidates_are_simulated_with_fewer_stages_where_no_reading_shows_it(sp
     # A step of four stages errs by 1.6e-4 of a mode at two radians a sample (`test_collocation`), by 2e-12 of one at a
     # tenth of that. Noise of 1e-3 shows the former in 300 samples; noise of 10 hides it.
     commands = np.random.default_rng(1).normal(size=300)
-    held = Experiment(recordings=(Recording.from_arrays(commands, np.zeros(300), 0.02),))
     plant = Plant(rig=Mass(spring=spring))
     chosen = SimpleNamespace(calibration=SimpleNamespace(plant=plant))
-    parts = SimpleNamespace(fitted=[Part.whole(held)])
+    parts = SimpleNamespace(fitted=[Part.whole(blank(commands))])
     assert base.enough_stages(parts, base.Base(chosen=chosen, alternatives=(), noise=noise)) == enough

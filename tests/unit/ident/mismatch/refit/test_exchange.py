@@ -62,7 +62,7 @@ def fitted(model: Callable[..., np.ndarray], first: float, second: float) -> tup
 
 
 @pytest.mark.parametrize(("first", "second"), [(60.0, 74.0), (74.0, 60.0), (40.0, 120.0)])
-def test_exchanged_time_constants_are_in_the_intervals_and_said(first: float, second: float) -> None:
+def test_exchanged_time_constants_are_in_the_intervals_and_said(first, second):
     fit, parts = fitted(plate, first, second)
     assert not fit.interval(LAG)[0] <= second <= fit.interval(LAG)[1] and not list(exchanged_lags(fit))
     both = with_exchanged_lags(fit, parts)
@@ -73,6 +73,6 @@ def test_exchanged_time_constants_are_in_the_intervals_and_said(first: float, se
     assert LAG in said and "slow" in said
 
 
-def test_a_square_between_them_tells_which_lag_is_whose() -> None:
+def test_a_square_between_them_tells_which_lag_is_whose():
     fit, parts = fitted(bulb, 40.0, 120.0)
     assert with_exchanged_lags(fit, parts) is fit

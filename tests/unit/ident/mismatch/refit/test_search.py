@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from needs import COMPILED
+from runs import blank
 
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.parts import simulated
@@ -15,10 +17,9 @@ from deatwin.ident.mismatch.refit import search
 from deatwin.ident.mismatch.refit.search import at_its_time, finish, further, gap_around, in_a_wider_range, in_its_gap
 from deatwin.plant import Delay, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.simulate import Simulator
 
-pytestmark = pytest.mark.skipif(compiler() is None, reason="a fit: without a C compiler it takes ten times as long")
+pytestmark = COMPILED
 JUMP = SensorJump(change=30e-6, at=13.3)
 """Fifteen times the noise: one sample shows it."""
 AT = "sensor_jump.at"
@@ -29,8 +30,7 @@ FAR = {"shear_modulus": 29e3, "stretch_limit": 140.0, "permittivity": 4.3, "damp
 def parts():
     """Twenty seconds in which a jump lies between what is fitted."""
     commands = band_limited_noise(np.random.default_rng(0), 20.0, 0.02)
-    blank = Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), 0.02),))
-    whole = Part.whole(Plant(rig=Diaphragm()).with_effects(JUMP).record(blank, np.random.default_rng(1)))
+    whole = Part.whole(Plant(rig=Diaphragm()).with_effects(JUMP).record(blank(commands), np.random.default_rng(1)))
     times = whole.timepts
     return replace(whole, masks=((times < 10.0) | (times > 16.0),)), whole
 
@@ -130,7 +130,7 @@ def test_whether_a_reading_comes_after_an_event_is_told_by_the_time_that_it_is_t
 
 
 @pytest.fixture
-def rough(monkeypatch) -> Callable[[Callable[[float], float]], float]:
+def rough(monkeypatch):
     """``rough(loss)``: where the search puts an event at 10 s, one sample being a second, by the loss at each time."""
 
     def placed(loss: Callable[[float], float]) -> float:

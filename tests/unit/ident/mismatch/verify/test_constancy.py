@@ -4,6 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from needs import COMPILED
+from runs import blank
 from scipy.interpolate import CubicSpline
 
 from deatwin.ident.greybox.fit import calibrate
@@ -11,7 +13,6 @@ from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.verify.constancy import SURELY, Constancy, constancies
 from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.parameters import Scale
 
 SAMPLES, STEP = 5000, 0.02
@@ -98,38 +99,36 @@ def test_a_change_mends_what_leaves_too_much_if_it_takes_most_of_that(too_much, 
     assert found.mends is mends
 
 
-@pytest.mark.parametrize(("change", "deviation", "holds"), [(0.4, 0.05, False), (-0.4, 0.05, False), (0.4, 0.06, True)])
-def test_what_would_be_mended_by_a_change_is_refuted_where_the_change_is_beyond_doubt(change, deviation, holds):
-    # seven deviations: residuals that remember long make up more than Student's law says
-    assert Constancy(effect="delay", change=change, deviation=deviation, own=0.5, mends=True).holds is holds
-    assert Constancy(effect="delay", change=change, deviation=deviation, own=0.5).holds
-
-
+# 95 % of Student's law with 19 degrees of freedom: 2.09 deviations; seven where the change would mend what is left, since
+# residuals that remember long make up more than that law says.
 @pytest.mark.parametrize(
-    ("change", "deviation", "holds"),
-    # 95 % of Student's law with 19 degrees of freedom: 2.09 deviations
+    ("mends", "change", "deviation", "holds"),
     [
-        (1.5, 0.2, False),
-        (-1.5, 0.2, False),
-        (1.5, 0.25, True),
-        (0.9, 0.01, True),
-        (30.0, 20.0, True),
-        (None, None, True),
+        (False, 1.5, 0.2, False),
+        (False, -1.5, 0.2, False),
+        (False, 1.5, 0.25, True),
+        (False, 0.9, 0.01, True),
+        (False, 30.0, 20.0, True),
+        (False, None, None, True),
+        (False, 0.4, 0.05, True),
+        (True, 0.4, 0.05, False),
+        (True, -0.4, 0.05, False),
+        (True, 0.4, 0.06, True),
     ],
 )
-def test_what_speaks_against_an_effect(change, deviation, holds):
-    assert Constancy(effect="delay", change=change, deviation=deviation, own=0.5).holds is holds
+def test_what_speaks_against_an_effect(mends, change, deviation, holds):
+    assert Constancy(effect="delay", change=change, deviation=deviation, own=0.5, mends=mends).holds is holds
 
 
-@pytest.mark.skipif(compiler() is None, reason="many runs: without a C compiler they take ten times as long")
+@COMPILED
 def test_a_clock_that_runs_fast_is_no_delay():
     plant, rng = Plant(rig=Diaphragm()), np.random.default_rng(11)
     command = band_limited_noise(rng, 120.0, STEP)
-    blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), STEP),))
-    times = blank.recordings[0].timepts
+    unread = blank(command)
+    times = unread.recordings[0].timepts
     noise = NOISE * rng.normal(size=times.size)
-    delayed = plant.with_effects(Delay(time=0.002)).simulate(blank).outputs[0][0]
-    exact = plant.simulate(blank).outputs[0][0]
+    delayed = plant.with_effects(Delay(time=0.002)).simulate(unread).outputs[0][0]
+    exact = plant.simulate(unread).outputs[0][0]
     skewed = CubicSpline(times, exact)(times * (1 - 0.002 / times[-1]))  # 0 to 2 ms late, so that first order holds
 
     def judged(output: np.ndarray) -> tuple[Constancy, float]:

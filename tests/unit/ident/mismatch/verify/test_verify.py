@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_fits import made_problem
+from needs import COMPILED
 from scipy.interpolate import CubicSpline
 
 from deatwin.ident.greybox.fit import calibrate
@@ -28,11 +30,7 @@ from deatwin.plant import Creep, Delay, Diaphragm, Experiment, PermittivityDrift
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import catalogue, effect_named
 from deatwin.plant.excitation import band_limited_noise, random_holds
-from deatwin.plant.integrator.compiled import compiler
 
-needs_compiler = pytest.mark.skipif(
-    compiler() is None, reason="many runs: without a C compiler they take ten times as long"
-)
 MODULE = import_module("deatwin.ident.mismatch.verify.verify")  # by its path a function of that name is found
 NOMINAL = Plant(rig=Diaphragm())
 VALUES = {"shear_modulus": 29e3, "stretch_limit": 140.0, "permittivity": 4.3, "damping": 0.06}
@@ -53,16 +51,7 @@ def bench_of(*effects, seed: int = 0) -> DiagnosisProblem:
 
 def on_bench(experiment: Experiment, effects: tuple[Effect, ...]) -> DiagnosisProblem:
     fitted, unseen, everything = split(check_quality(NOMINAL, (experiment,)))
-    return DiagnosisProblem(
-        nominal=NOMINAL,
-        effects=effects,
-        fitted=fitted,
-        unseen=unseen,
-        everything=everything,
-        jobs=1,
-        stated_error=1e-6,
-        expected_error=1e-6,
-    )
+    return made_problem(nominal=NOMINAL, effects=effects, fitted=fitted, unseen=unseen, everything=everything)
 
 
 def late_readings(mean: float, growth: float, seed: int) -> DiagnosisProblem:
@@ -99,7 +88,7 @@ def placebos_of(effect, seed: int):
     return structural, {sham.kind: sham for sham in found}
 
 
-@needs_compiler
+@COMPILED
 @pytest.mark.parametrize(
     "effect", [Creep(modulus=50e3, time=20.0), effect_named("hysteresis")], ids=lambda effect: effect.name
 )
@@ -115,7 +104,7 @@ def test_shams_of_a_right_name_are_rejected(effect):
 
 
 @pytest.mark.study
-@needs_compiler
+@COMPILED
 def test_at_least_95_percent_of_right_names_survive_all_shams():
     """All effects of the catalogue that this rig takes, each on four experiments, counted where it can be seen."""
     survived, judged = [], []
@@ -134,7 +123,7 @@ def test_at_least_95_percent_of_right_names_survive_all_shams():
     assert np.mean(judged) > 2.0  # of three: few can be skipped, or nothing was tested
 
 
-@needs_compiler
+@COMPILED
 def test_an_effect_without_memory_has_no_backward_sham():
     """On the force of a spring the future and the past are the same, but for what the film itself remembers."""
     _, shams = placebos_of(effect_named("sensor_saturation"), seed=0)
@@ -165,25 +154,23 @@ def spoilt_hysteresis(sham_of):
     return {s.kind: s for s in placebo_effects(base, effect, 1e-16, fitted, everything, np.random.default_rng(0))}
 
 
-@needs_compiler
-def test_what_happened_backwards_is_not_the_effect():
+def turned(change, of):
+    return [y[::-1] for y in reversed(change(backwards(of)))]
+
+
+def drawn_first(change, of):
+    rng = np.random.default_rng(0)
+    return [phase_randomised(y, rng) for y in change(of)]
+
+
+@COMPILED
+@pytest.mark.parametrize(
+    ("sham_of", "kind"), [(turned, PlaceboKind.BACKWARDS), (drawn_first, PlaceboKind.RANDOM_PHASES)]
+)
+def test_what_happened_backwards_or_is_only_as_large_and_as_smooth_is_not_the_effect(sham_of, kind):
     """The readings hold half of the effect and all of its own sham: the sham must win."""
-    shams = spoilt_hysteresis(lambda change, of: [y[::-1] for y in reversed(change(backwards(of)))])
-    assert shams[PlaceboKind.BACKWARDS].share > 1.0
-    assert not shams[PlaceboKind.BACKWARDS].rejected
-
-
-@needs_compiler
-def test_what_is_only_as_large_and_as_smooth_is_not_the_effect():
-    """The same with random phases, those that are drawn first."""
-
-    def drawn(change, of):
-        rng = np.random.default_rng(0)
-        return [phase_randomised(y, rng) for y in change(of)]
-
-    shams = spoilt_hysteresis(drawn)
-    assert shams[PlaceboKind.RANDOM_PHASES].share > 1.0
-    assert not shams[PlaceboKind.RANDOM_PHASES].rejected
+    sham = spoilt_hysteresis(sham_of)[kind]
+    assert sham.share > 1.0 and not sham.rejected
 
 
 def test_random_phases_compete_with_the_refit_and_what_runs_backwards_with_the_first_order():
@@ -209,7 +196,7 @@ def test_random_phases_compete_with_the_refit_and_what_runs_backwards_with_the_f
     assert biased.backwards(other).share == pytest.approx(gained / own)
 
 
-@needs_compiler
+@COMPILED
 def test_the_wrong_sign_is_noticed():
     effect = effect_named("sensor_drift")
     problem = bench_of(effect, seed=0)
@@ -221,7 +208,7 @@ def test_the_wrong_sign_is_noticed():
         assert {s.kind: s for s in found}[PlaceboKind.OPPOSITE].rejected is rejected
 
 
-@needs_compiler
+@COMPILED
 @pytest.mark.parametrize(
     ("gain", "simulates", "reason"),
     [
@@ -281,7 +268,7 @@ def test_random_phases_keep_mean_and_spectrum_and_nothing_else(size):
     assert abs(np.corrcoef(drawn, signal)[0, 1]) < 0.9
 
 
-@needs_compiler
+@COMPILED
 def test_two_causes_are_each_needed():
     effects = Creep(modulus=50e3, time=20.0), PermittivityDrift(relative_change=-0.08, time=60.0)
     problem = bench_of(*effects, seed=2)
@@ -306,7 +293,7 @@ def test_two_causes_are_each_needed():
     assert np.mean(thirds) == pytest.approx(found.unseen_after**2, rel=0.05)
 
 
-@needs_compiler
+@COMPILED
 @pytest.mark.parametrize(("growth", "refuted"), [(0.0, False), (0.02, True)])
 def test_a_delay_that_grows_is_none_though_it_grows_by_less_than_itself(growth, refuted):
     """By 20 ms beside a mean of 40 ms: most of what a constant one leaves."""
@@ -326,7 +313,7 @@ def test_a_delay_that_grows_is_none_though_it_grows_by_less_than_itself(growth, 
         assert abs(constancy.change) < 1.0
 
 
-@needs_compiler
+@COMPILED
 def test_an_effect_that_is_not_there_does_not_hold():
     problem = bench_of(seed=3)
     base, answer = fitted_with(problem), fitted_with(problem, Creep(modulus=5e3, time=20.0))
