@@ -53,7 +53,7 @@ def recordings(draw: st.DrawFn) -> Recording:
 
 
 @pytest.mark.parametrize("ending", packages)
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(recording=recordings())
 def test_recordings_survive_bit_for_bit(in_one_process: None, ending: str, recording: Recording) -> None:
     for package in packages[ending]:

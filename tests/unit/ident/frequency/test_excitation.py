@@ -107,14 +107,6 @@ def test_two_tones_that_cancel():
     assert not gone.suitable
 
 
-def test_a_single_tone_suits_every_order():
-    tone = np.cos(2 * np.pi * 3 * np.arange(50) / 50 + 0.7)
-    for order, lines in ((1, [3]), (2, [0, 6]), (3, [3, 9]), (4, [0, 6, 12])):
-        spectrum = input_spectrum(tone, order, SAMPLE_TIME)
-        np.testing.assert_array_equal(np.flatnonzero(spectrum.defined), lines)
-        assert spectrum.largest_amplification == pytest.approx(1.0)
-
-
 def test_suitability_is_that_of_the_shape():
     rng = np.random.default_rng(3)
     record = rng.normal(size=256)
@@ -191,17 +183,6 @@ def test_what_cannot_be_designed_is_said(given, text):
 def test_what_has_no_spectrum_is_said(record, order, text):
     with pytest.raises(ModelError, match=text):
         input_spectrum(record, order, SAMPLE_TIME)
-
-
-def test_small_records_are_no_random_ones():
-    signal = design_excitation((0.1, 1.0), SAMPLE_TIME, amplitude=1e-140)
-    assert signal.input_spectrum(2).suitable
-
-
-def test_a_signal_of_another_sample_time_is_refused():
-    signal = design_excitation((0.0, 1.0), SAMPLE_TIME, amplitude=0.7)
-    with pytest.raises(ModelError, match=r"sample time of 0.02 s, the model one of 0.1 s"):
-        input_spectrum(signal, 2, 0.1)
 
 
 def test_a_spectrum_as_a_dataset():

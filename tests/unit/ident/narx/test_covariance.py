@@ -102,18 +102,15 @@ def test_the_offender_is_named(wrong, says):
 
 
 @pytest.mark.parametrize("name", ["noise_variance", "sample_time", "theta_dof"])
-@pytest.mark.parametrize("value", [np.nan, -1.0, -np.inf])
+@pytest.mark.parametrize("value", [np.nan, -1.0, -np.inf, np.inf])
 def test_other_numbers_that_cannot_be(name, value):
+    if (name, value) == ("theta_dof", np.inf):  # those of a normal law
+        return
     with pytest.raises(ModelError, match=name):
         replace(TWO, **{name: value})
-
-
-@pytest.mark.parametrize("name", ["noise_variance", "sample_time"])
-def test_what_must_be_finite(name):
-    with pytest.raises(ModelError, match=name):
-        replace(TWO, **{name: np.inf})
-    with pytest.raises(ModelError, match=name):
-        LinearModel(a=[1.0, -0.6], b=[[0.0, 0.3]], **({"sample_time": 0.1} | {name: np.inf}))
+    if name != "theta_dof":
+        with pytest.raises(ModelError, match=name):
+            LinearModel(a=[1.0, -0.6], b=[[0.0, 0.3]], **({"sample_time": 0.1} | {name: value}))
 
 
 @settings(deadline=None)
@@ -129,17 +126,6 @@ def test_a_map_that_cancels_leaves_a_covariance(seed, decades):
     model_of(found)
     exact = q * np.geomspace(1.0, 10.0**-decades, 4)
     np.testing.assert_allclose(found, exact @ exact.T, atol=1e4 * 4**2 * EPS)  # the root is known to eps sqrt(kappa)
-
-
-def test_roots_of_a_stack_are_those_of_its_members():
-    rng = np.random.default_rng(0)
-    roots = rng.standard_normal((5, 3, 2))
-    stack = roots @ roots.swapaxes(1, 2)
-    found = covariance_root(stack)
-    np.testing.assert_allclose(found @ found.swapaxes(1, 2), stack, rtol=0, atol=50 * EPS * np.abs(stack).max())
-    jacobian = rng.standard_normal((2, 3))
-    for one, new in zip(stack, transformed(jacobian, stack), strict=True):
-        np.testing.assert_allclose(new, jacobian @ one @ jacobian.T, rtol=0, atol=100 * EPS * np.abs(stack).max())
 
 
 def test_ridge_that_leaves_nothing_for_the_noise_is_refused():

@@ -57,6 +57,7 @@ def test_a_trend_is_named_with_its_size():
     # chance gives the 6000 samples, of spectral density (10 µm)^2 at zero, a trend of 10 µm sqrt(12/6000) = 0.45 µm
     assert trend.size == pytest.approx(5e-6, abs=4 * 0.45e-6) and trend.unit == "m"
     assert (trend.from_s, trend.to_s) == (100.0, pytest.approx(100.0 + 5999 * T))
+    assert str(trend).startswith("a.csv, displacement: a linear trend of ")
     assert trend.recording == "a.csv" and "linear trend of" in trend.text and "µm over 120 s" in trend.text
     assert ("command", FindingKind.TREND) not in found
 
@@ -156,11 +157,6 @@ def test_errors_are_clear():
         inspect_recordings(record(n=150))
     with pytest.raises(DataError, match="level"):
         inspect_recordings(record(), level=0.0)
-
-
-def test_a_finding_prints_as_a_sentence_with_its_place():
-    finding = named(record(lambda y: y + np.linspace(0.0, 2e-6, y.size)))["displacement", FindingKind.TREND]
-    assert str(finding).startswith("a.csv, displacement: a linear trend of ")
 
 
 @pytest.mark.parametrize("hold", [3, 8, 12])

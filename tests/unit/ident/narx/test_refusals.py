@@ -15,6 +15,7 @@ from deatwin.ident.narx import (
     Rls,
     Semp,
     SvbNarx,
+    ThetaPosterior,
     ThetaSmoother,
     excitation,
     free_run_band,
@@ -50,6 +51,8 @@ ARGUMENTS = [
     (Frols(held_out=1.0), "held_out"),
     (Frols(criterion="free_run", held_out=0.001), "too short"),
     (Frols(estimator="ridge"), "Ridge"),
+    (Frols(estimator=Ridge), r"estimator = Ridge; give an object, as Ridge\(\)"),
+    (Fixed(terms=["y(k-1)"], estimator=Ridge), r"estimator = Ridge; give an object, as Ridge\(\)"),
     (Frols(max_terms=0), "max_terms"),
     (Frols(max_terms=2.5), "max_terms = 2.5; it must be an integer of at least 1"),
     (Frols(held_out=None), "held_out must be real numbers"),
@@ -204,14 +207,18 @@ def test_an_estimator_says_where_to_find_what_its_model_has():
         (lambda: validate(_model(), RECORD, level="a"), "level must be real numbers; got text"),
         (lambda: refine(_model(), RECORD, max_steps=2.5), "max_steps = 2.5; it must be an integer of at least 1"),
         (lambda: refine(_model(), RECORD, tolerance=0.0), "tolerance = 0.0; it must be positive"),
-        (
-            lambda: free_run_band(_model(), RECORD, np.random.default_rng(0), n_draws=1e3),
-            "n_draws = 1000.0; it must be",
+        *(
+            (lambda wrong=wrong: free_run_band(_model(), RECORD, np.random.default_rng(0), **wrong), says)
+            for wrong, says in (
+                ({"n_draws": 1e3}, "n_draws = 1000.0; it must be"),
+                ({"n_draws": 1}, "n_draws = 1; it must be"),
+                ({"level": 1.2}, "level = 1.2"),
+                ({"output_noise": "a"}, "output_noise must be real"),
+                ({"output_noise": -1}, "output_noise = -1; it must be a standard deviation of at least 0"),
+            )
         ),
-        (
-            lambda: free_run_band(_model(), RECORD, np.random.default_rng(0), output_noise="a"),
-            "output_noise must be real",
-        ),
+        (lambda: ThetaPosterior(model=_model()).interval(95), "level = 95"),
+        (lambda: ThetaPosterior(model=SvbNarx()), "a SvbNarx is not a NarxModel"),
     ],
 )
 def test_functions_say_what_they_take(use, says):

