@@ -31,7 +31,8 @@ PASSIVE = (
     "resonance",
     "relaxation",
 )
-"""Their parameters are constant and they are thermodynamically admissible."""
+"""Their parameters are constant and they are thermodynamically admissible. Where a parameter changes in time, driven from
+outside, as in ``prestretch_relaxation``, pumping it in step with the command would give work."""
 CLOSED = 1e-6
 
 

@@ -23,34 +23,10 @@ from deatwin.plant.schemacheck import shape_fault, shipped_schema
 
 FUZZ = Path(__file__).parents[1] / "fuzz"
 MODULES = ("readers", "mutations", "studies")
-KINDS = (
-    "csv",
-    "lvm",
-    "xlsx",
-    "mat",
-    "mat73",
-    "tdms",
-    "netcdf",
-    "netcdf4",
-    "rig",
-    "plant",
-    "narx",
-    "linear",
-    "states",
-    "diagnosis",
-    "check",
-    "theta",
-    "validation",
-    "controller",
-    "seal",
-    "case",
-    "shown run",
-    "former run",
-    "public csv",
-    "public mat",
-    "public hdf5",
-    "pull",
-)
+RECORDINGS = ("csv", "lvm", "xlsx", "mat", "mat73", "tdms", "netcdf", "netcdf4")
+MODELS = ("plant", "narx", "linear", "states", "diagnosis", "check", "theta", "validation", "controller")
+PUBLIC = ("public csv", "public mat", "public hdf5", "pull")
+KINDS = (*RECORDINGS, "rig", *MODELS, "seal", "case", "shown run", "former run", *PUBLIC)
 DOCUMENTS = ("plant", "narx", "linear", "diagnosis", "check", "theta", "validation")
 STUDIES = ("seal", "shown run", "former run")
 """JSON that studies keep."""

@@ -94,20 +94,6 @@ def test_a_real_response_has_a_segment_of_one_dimension():
     assert found.status.ok
 
 
-@pytest.mark.parametrize("dof", [math.inf, 5.0])
-def test_ellipses_and_bands_hold_their_share_of_draws(dof):
-    """A response linear in its parameters; 40,000 draws: 0.95 within 0.0055 is five standard deviations."""
-    model = fir([[4e-4, 1e-4], [1e-4, 2e-4]], dof)
-    quantity = partial(gfrf, order=1, omega=[0.4, 1.5, 2.5])
-    found, drawn = propagate(model, quantity), sample(model, quantity, np.random.default_rng(0), 40_000)
-    inside = np.mean(found.contains(drawn.draws), axis=0)
-    np.testing.assert_allclose(inside, 0.95, atol=0.0055)
-    gain, phase = np.abs(drawn.draws), np.degrees(np.angle(drawn.draws))
-    for values, band in ((gain, found.gain_band()), (phase, found.phase_band())):
-        assert band.linear_law.all()
-        np.testing.assert_allclose(np.mean((values > band.low) & (values < band.high), axis=0), 0.95, atol=0.0055)
-
-
 # Gain and phase where they are not normal
 
 

@@ -53,34 +53,6 @@ def test_what_is_symmetric_stays_to_the_last_bit_and_through_the_file(tmp_path_f
     np.testing.assert_array_equal(NarxModel.load(path).theta_cov, model.theta_cov)
 
 
-@settings(deadline=None)
-@given(SEEDS, st.integers(2, 12), st.floats(-6, 0))
-def test_an_eigenvalue_below_zero_is_refused_in_any_units(seed, n, decades):
-    rng = np.random.default_rng(seed)
-    q = np.linalg.qr(rng.standard_normal((n, n)))[0]
-    wrong = q * np.r_[-(10.0**decades), np.ones(n - 1)] @ q.T
-    units = 10.0 ** rng.uniform(-6, 6, n)  # by the law of inertia they leave the sign of the eigenvalue
-    with pytest.raises(
-        ModelError,
-        match=r"theta_cov is not a covariance matrix.* (must not be negative|has the negative eigenvalue .*)",
-    ):
-        model_of((wrong + wrong.T) * np.outer(units, units))
-
-
-@settings(deadline=None)
-@given(SEEDS, st.integers(2, 12), st.floats(-2, 9))
-def test_a_pair_that_disagrees_is_named(seed, n, decades):
-    rng = np.random.default_rng(seed)
-    sizes = 10.0 ** rng.uniform(-6, 6, n)
-    wrong = np.diag(sizes**2)
-    i, j = rng.permutation(n)[:2]
-    wrong[i, j] = 10.0**decades * sizes[i] * sizes[j]
-    with pytest.raises(ModelError, match="because it is not symmetric") as caught:
-        model_of(wrong)
-    assert f"u(k-{i})".replace("-0", "") in str(caught.value)
-    assert f"u(k-{j})".replace("-0", "") in str(caught.value)
-
-
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from deatwin.ident.narx.linear import OutputError
 from deatwin.ident.narx.preprocess import SamplingStatus, choose_sampling, decimate, removed_share
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
@@ -24,25 +23,6 @@ def test_first_minima_of_a_sinusoid():
     lags = np.arange(1001)
     # the sums of n - tau products are over n: (1 - tau/n) cos, and end effects of order period / n
     np.testing.assert_allclose(found.linear, (1 - lags / 24000) * np.cos(2 * np.pi * lags / 240), atol=0.01)
-
-
-def test_first_minima_of_resonant_noise():
-    # y(k) = 2 r cos(w) y(k-1) - r^2 y(k-2) + e: rho follows the same recursion from rho(0) = 1 and
-    # rho(1) = 2 r cos(w) / (1 + r^2); for a normal process the correlation of the squares is rho^2
-    # (Isserlis), whose first minimum is the first zero of rho.
-    r, w = 0.98, 0.1
-    a = [1.0, -2 * r * np.cos(w), r**2]
-    rho = [1.0, 2 * r * np.cos(w) / (1 + r**2)]
-    while len(rho) < 100:
-        rho.append(-a[1] * rho[-1] - a[2] * rho[-2])
-    linear = int(np.argmin(rho))
-    nonlinear = int(np.argmax(np.array(rho) < 0))
-    y = lfilter([1.0], a, np.random.default_rng(0).normal(size=200_000))
-    found = choose_sampling(of(y), n_lags=300)
-    assert found.linear_minimum == pytest.approx(linear, abs=2)  # 30
-    assert found.nonlinear_minimum == pytest.approx(nonlinear, abs=3)  # 15 or 16, and flat there
-    np.testing.assert_allclose(found.linear[:60], rho[:60], atol=4 * found.linear_band / 1.96)
-    assert found.status is SamplingStatus.KEEP and found.factor == 1
 
 
 @pytest.mark.parametrize(
@@ -124,29 +104,6 @@ def test_what_would_alias_is_removed():
     np.testing.assert_allclose(decimate(both, factor).outputs, decimate(alone, factor).outputs, atol=1.1e-3)
     share = removed_share(both, factor)
     assert share["displacement"] == pytest.approx(0.5, abs=0.01) and share["command"] < 1e-5
-
-
-@pytest.mark.parametrize("factor", [3, 4])
-def test_the_model_of_the_decimated_rows_is_that_of_the_plant(factor):
-    # A first-order lag of 0.5 s under commands held for 0.01 s, smooth noise up to about 1 Hz. The exact model of rows
-    # of the new length, readings at the end of the hold: y(k) = a y(k-1) + (1 - a) u(k), a = exp(-T/0.5).
-    T, lag = 0.01, 0.5
-    a = np.exp(-T / lag)
-    rng = np.random.default_rng(2)
-    u = lfilter([1.0], np.poly([0.93] * 4), rng.normal(size=40_000))
-    y = lfilter([1 - a], [1, -a], u)
-    coarse = decimate(Recording.from_arrays(u, y, T), factor)
-    # An input that is the command at the middle of the hold answers with G exp(-j w T/2), which is not of finite order:
-    # four coefficients hold it well enough.
-    model = OutputError(nb=4, nf=1, nk=0, offset=False).fit(coarse).model_
-    held = factor * T
-    omega = 2 * np.pi * np.array([0.1, 0.3, 1.0])
-    shift, b = np.exp(-1j * omega * held), np.exp(-held / lag)
-    ratio = model.to_control()(np.exp(1j * omega * held)) / ((1 - b) / (1 - b * shift))
-    # gain to (w T)^2 / 24, phase exact; 2e-4 for the model's finite order
-    assert np.all(np.abs(np.abs(ratio) - 1) < (omega * held) ** 2 / 24 + 2e-4)
-    assert np.abs(np.angle(ratio)).max() < 2e-3
-    assert model.poles[0].real == pytest.approx(b, abs=2e-3)
 
 
 def test_factor_one_is_the_recording_itself():

@@ -70,14 +70,6 @@ def test_a_drift_that_is_no_trend_is_named_with_its_place():
     assert drift.from_s <= 100.0 + 3000 * T <= drift.to_s + 600 * T and drift.size > 1e-6
 
 
-def test_outliers_are_named_with_their_times():
-    where = [500, 2222, 4001]
-    found = named(record(with_values(where, lambda y: y[where] + np.array([5e-6, -4e-6, 6e-6]))))
-    outliers = found["displacement", FindingKind.OUTLIERS]
-    assert outliers.count == 3 and outliers.size == pytest.approx(6e-6, abs=1.5e-6)
-    assert outliers.text.startswith("3 outlying readings, at 110, 144.44, 180.02 s")
-
-
 def test_steps_and_ringing_are_no_outliers():
     # commands held for 4 s, answered by a mode that rings with 6 samples a period
     rng = np.random.default_rng(2)

@@ -10,10 +10,6 @@ from scipy.stats import kendalltau
 from deatwin.ident.narx.preprocess import SectionStatus, choose_sections
 from deatwin.ident.narx.preprocess.stationarity import (
     SegmentMeans,
-    correlation_samples,
-    cut,
-    segment_means,
-    spread_p_value,
     trend_p_value,
 )
 from deatwin.plant.errors import DataError
@@ -47,24 +43,9 @@ def test_reverse_arrangements_are_exact():
         assert trend_p_value(as_means(row)) == pytest.approx(exact, rel=1e-9)
 
 
-def test_the_spread_of_white_noise_is_that_of_chance():
-    # p-values are uniform: the Kolmogorov distance of 400 stays below 1.95/sqrt(400) with probability 0.999
-    rng = np.random.default_rng(1)
-    p = np.sort([spread_p_value(segment_means(rng.normal(size=4000), 20)[0]) for _ in range(400)])
-    assert np.abs(p - (np.arange(400) + 0.5) / 400).max() < 1.95 / np.sqrt(400)
-
-
-def test_correlation_time_of_first_order_noise():
-    # (1 + 0.8)/(1 - 0.8) = 9; the mean that is taken from each segment of 300 lowers it by about 9/300 of itself, the
-    # stop at the first zero adds noise: 15 %
-    rng = np.random.default_rng(2)
-    found = np.mean([correlation_samples(cut(coloured(rng, 6000, 0.8), 20)) for _ in range(20)])
-    assert found == pytest.approx(9.0, rel=0.15)
-
-
-@pytest.mark.parametrize("pole", [0.0, 0.5, 0.8, 0.9])
+@pytest.mark.parametrize("pole", [0.0, 0.9])
 def test_stationary_records_fail_as_seldom_as_said(pole):
-    # segments of 300 samples and correlation times of 1, 3, 9 and 19: at least fifteen of them in a segment
+    # segments of 300 samples and correlation times of 1 and 19: at least fifteen of them in a segment
     rng = np.random.default_rng(3)
     runs = 150
     failed = 0

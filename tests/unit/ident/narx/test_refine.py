@@ -8,7 +8,6 @@ from slopes import differences
 from stopping import StopAt
 
 from deatwin.ident.narx import NarxModel, generate_terms
-from deatwin.ident.narx.linear import OutputError
 from deatwin.ident.narx.refine import extensions, prunings, refine, sensitivities
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError
@@ -42,19 +41,6 @@ def test_sensitivities_are_differences_of_runs() -> None:
     sizes = np.abs(expected).max(axis=0)
     # Central differences: rounding 1e-16 / 1e-5, third derivatives times 1e-10.
     np.testing.assert_allclose(sensitivities(model, recording) / sizes, expected / sizes, atol=1e-7)
-
-
-def test_a_linear_model_becomes_that_of_the_output_error_method() -> None:
-    # Another search for the same minimum, but for the start of the run: 2 of 4000 samples.
-    linear = plant(**{"y(k-1)^3": 0.0, "y(k-2)u(k-1)": 0.0})
-    recording = measured(np.random.default_rng(2), 4000, model=linear)
-    start = NarxModel.from_terms({"y(k-1)": 0.9, "y(k-2)": -0.3, "u(k-1)": 0.5}, sample_time=0.1)
-    found = refine(start, recording)
-    theirs = OutputError(nb=1, nf=2, nk=1, offset=False).fit(recording).model_
-    expected = np.array([-theirs.f[0][1], -theirs.f[0][2], theirs.b[0][1]])
-    errors = np.sqrt(np.diag(found.theta_cov))
-    assert np.abs(found.theta - expected).max() < 0.2 * errors.max()
-    np.testing.assert_allclose(found.simulate(recording).rms_error, NOISE, rtol=0.05)  # 4 / sqrt(2 n)
 
 
 def test_noise_on_the_readings_leaves_no_bias_and_the_intervals_cover() -> None:
