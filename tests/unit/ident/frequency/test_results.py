@@ -86,15 +86,6 @@ def test_some_points_are_those_of_all(quantity):
     np.testing.assert_allclose(twice.gradient, whole.gradient[chosen][1:], rtol=1e-12, atol=1e-15)
 
 
-def test_a_slice_is_propagated_and_sampled_as_the_response_at_its_frequencies():
-    directly = partial(gfrf, order=3, omega=held(MODEL).omega)
-    one, other = propagate(MODEL, held), propagate(MODEL, directly)
-    np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-10)
-    np.testing.assert_allclose(one.nonlinearity, other.nonlinearity, rtol=1e-6)
-    draws = [sample(MODEL, q, np.random.default_rng(1), 20).draws for q in (held, directly)]
-    np.testing.assert_allclose(*draws, rtol=1e-10)
-
-
 def test_a_slice_derives_at_its_own_points_only():
     cube = CUBE(MODEL)
     plane = cube.at_points(np.arange(1, 27, 3))

@@ -42,12 +42,6 @@ def draw(seed=0, n=400, noise=0.0):
     return Recording.from_arrays(u, by_filters(full_model(), u, e), 0.1), e
 
 
-def test_the_parameter_vector_holds_what_is_free_in_order():
-    model = full_model()
-    np.testing.assert_array_equal(model.theta, [-0.4, 1.0, 0.5, 0.3, -1.2, 0.5, 0.6, 0.3, 0.1, -0.7, 0.25])
-    assert model.orders.nk == (1, 0) and model.orders.nb == (2, 1)
-
-
 def test_free_run_finds_the_state_at_the_start_of_a_section():
     recording, _ = draw()
     section = recording.section(100, 400)

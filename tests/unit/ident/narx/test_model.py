@@ -71,17 +71,6 @@ def test_a_model_without_lags_is_a_map():
     np.testing.assert_allclose(run.outputs, 2 * recording.inputs**2)
 
 
-def test_a_recording_that_does_not_suit_is_refused():
-    model = NarxModel.from_terms(TERMS, sample_time=0.1)
-    for recording, says in [
-        (make_recording(sample_time=0.2), "sample time"),
-        (make_recording(n=2), "samples"),
-        (Recording.from_arrays(np.zeros((2, 9)), np.zeros(9), 0.1), "inputs"),
-    ]:
-        with pytest.raises(ModelError, match=says):
-            model.simulate(recording)
-
-
 def test_a_model_that_cannot_be_is_refused():
     with pytest.raises(ModelError, match="only once"):
         NarxModel.from_terms({"y(k-1)u(k)": 1.0, "u(k)y(k-1)": 1.0}, sample_time=1.0)

@@ -92,10 +92,9 @@ def test_a_signal_that_reaches_zero_counts_from_zero():
     assert "where" not in str(model)
 
 
-@pytest.mark.parametrize("radius", [0.98, 0.999])
-def test_slightly_damped_poles_and_nearly_collinear_lags(radius):
+def test_slightly_damped_poles_and_nearly_collinear_lags():
     """Two modes at low frequencies: least squares on the same terms is the reference."""
-    rng = np.random.default_rng(4)
+    rng, radius = np.random.default_rng(4), 0.999
     poles = [radius * np.exp(1j * angle * sign) for angle in (0.2, 0.35) for sign in (1, -1)]
     a, n = np.poly(poles).real, 800
     u, y = np.cumsum(rng.standard_normal(n)) * 0.1, np.zeros(n)

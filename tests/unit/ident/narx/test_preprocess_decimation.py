@@ -25,6 +25,25 @@ def test_first_minima_of_a_sinusoid():
     np.testing.assert_allclose(found.linear, (1 - lags / 24000) * np.cos(2 * np.pi * lags / 240), atol=0.01)
 
 
+def test_first_minima_of_resonant_noise():
+    # y(k) = 2 r cos(w) y(k-1) - r^2 y(k-2) + e: rho follows the same recursion from rho(0) = 1 and
+    # rho(1) = 2 r cos(w) / (1 + r^2); for a normal process the correlation of the squares is rho^2
+    # (Isserlis), whose first minimum is the first zero of rho.
+    r, w = 0.98, 0.1
+    a = [1.0, -2 * r * np.cos(w), r**2]
+    rho = [1.0, 2 * r * np.cos(w) / (1 + r**2)]
+    while len(rho) < 100:
+        rho.append(-a[1] * rho[-1] - a[2] * rho[-2])
+    linear = int(np.argmin(rho))
+    nonlinear = int(np.argmax(np.array(rho) < 0))
+    y = lfilter([1.0], a, np.random.default_rng(0).normal(size=200_000))
+    found = choose_sampling(of(y), n_lags=300)
+    assert found.linear_minimum == pytest.approx(linear, abs=2)  # 30
+    assert found.nonlinear_minimum == pytest.approx(nonlinear, abs=3)  # 15 or 16, and flat there
+    np.testing.assert_allclose(found.linear[:60], rho[:60], atol=4 * found.linear_band / 1.96)
+    assert found.status is SamplingStatus.KEEP and found.factor == 1
+
+
 @pytest.mark.parametrize(
     ("period", "status", "factor"),
     [(12, SamplingStatus.TOO_SLOW, 1), (60, SamplingStatus.KEEP, 1), (1200, SamplingStatus.DECIMATE, 20)],

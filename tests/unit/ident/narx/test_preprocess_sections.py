@@ -1,17 +1,12 @@
 """Sections by stationarity: the laws of the tests, their level, and planted changes."""
 
-from itertools import permutations
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import kendalltau
 
 from deatwin.ident.narx.preprocess import SectionStatus, choose_sections
-from deatwin.ident.narx.preprocess.stationarity import (
-    SegmentMeans,
-    trend_p_value,
-)
+from deatwin.ident.narx.preprocess.stationarity import SegmentMeans, correlation_samples, cut, trend_p_value
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 
@@ -31,16 +26,19 @@ def as_means(values):
 
 
 def test_reverse_arrangements_are_exact():
-    orders = list(permutations(range(6)))
-    counts = np.array([sum(a > b for i, a in enumerate(order) for b in order[i + 1 :]) for order in orders])
-    for order, count in list(zip(orders, counts, strict=True))[::50]:
-        extreme = np.sum(np.abs(counts - 7.5) >= abs(count - 7.5))  # their mean is 6 * 5 / 4
-        assert trend_p_value(as_means(order)) == pytest.approx(extreme / 720, rel=1e-12)
     # the same question as that of Kendall's tau against time, whose exact law scipy has
     values = np.random.default_rng(0).normal(size=(20, 20)) + 0.1 * np.arange(20)
     for row in values:
         exact = kendalltau(np.arange(20), row, method="exact").pvalue
         assert trend_p_value(as_means(row)) == pytest.approx(exact, rel=1e-9)
+
+
+def test_correlation_time_of_first_order_noise():
+    # (1 + 0.8)/(1 - 0.8) = 9; the mean that is taken from each segment of 300 lowers it by about 9/300 of itself, the
+    # stop at the first zero adds noise: 15 %
+    rng = np.random.default_rng(2)
+    found = np.mean([correlation_samples(cut(coloured(rng, 6000, 0.8), 20)) for _ in range(20)])
+    assert found == pytest.approx(9.0, rel=0.15)
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.9])
