@@ -68,8 +68,8 @@ def drawn(data, name: str) -> Plant:
 @given(data=st.data())
 def test_no_command_draws_work_from_a_passive_effect(name, data):
     plant = drawn(data, name)
-    levels = data.draw(st.lists(st.floats(-2.8, 2.8), min_size=4, max_size=8), label="levels")
-    hold = data.draw(st.integers(1, 12), label="samples held")
+    levels = data.draw(st.lists(st.floats(-2.8, 2.8), min_size=4, max_size=6), label="levels")
+    hold = data.draw(st.integers(1, 8), label="samples held")
     # begins with rest, so that the ledger counts from there
     commands = np.concatenate([[0.0, 0.0], np.repeat([*levels, 0.0], hold)])
     margin, both_ways = ledger(plant, commands)

@@ -73,7 +73,7 @@ def test_the_constant_is_not_penalised_but_may_be_left_out():
     )
 
 
-@pytest.mark.parametrize("name", ["S2", "S4", "S6"])
+@pytest.mark.parametrize("name", ["S2", "S6"])
 def test_true_terms_are_kept_among_165_candidates(name):
     system = SYSTEMS[name]
     lags = {"output_lags": system.output_lags, "input_lags": system.input_lags, "degree": system.degree}

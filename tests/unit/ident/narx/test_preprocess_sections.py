@@ -7,7 +7,6 @@ from scipy.stats import kendalltau
 
 from deatwin.ident.narx.preprocess import SectionStatus, choose_sections
 from deatwin.ident.narx.preprocess.stationarity import SegmentMeans, correlation_samples, cut, trend_p_value
-from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 
 
@@ -111,18 +110,6 @@ def test_a_trend_throughout_is_said():
 def test_slow_signals_ask_for_longer_segments():
     found = choose_sections(record(np.random.default_rng(9), pole=0.98))
     assert not found.segments_are_long and "short compared with the correlation time" in str(found)
-
-
-def test_errors_are_clear():
-    rng = np.random.default_rng(10)
-    with pytest.raises(DataError, match="at least 10 segments"):
-        choose_sections(record(rng), n_segments=5)
-    with pytest.raises(DataError, match="at least 8 samples"):
-        choose_sections(record(rng, n=100))
-    with pytest.raises(DataError, match="level"):
-        choose_sections(record(rng), level=1.0)
-    with pytest.raises(DataError, match="constant"):
-        choose_sections(Recording.from_arrays(np.ones(400), np.ones(400), 1.0))
 
 
 def test_plot_marks_both_sections():

@@ -11,6 +11,7 @@ from deatwin.ident.narx import (
     Frols,
     Grow,
     Narmax,
+    NarxModel,
     Ridge,
     Rls,
     Semp,
@@ -27,7 +28,14 @@ from deatwin.ident.narx import (
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.linear import Arx, OutputError
-from deatwin.ident.narx.preprocess import choose_orders
+from deatwin.ident.narx.preprocess import (
+    choose_orders,
+    choose_sampling,
+    choose_sections,
+    decimate,
+    estimate_dead_time,
+    inspect_recordings,
+)
 from deatwin.ident.nss import Pnlss
 from deatwin.ident.testing import example_recordings
 from deatwin.plant.errors import DataError, ModelError
@@ -40,6 +48,10 @@ LINE, ONES = np.arange(50.0), np.ones(50)
 
 def _model():
     return Fixed(terms=["y(k-1)", "u(k-1)"]).fit(RECORD).model_
+
+
+def made(terms, **details) -> NarxModel:
+    return NarxModel.from_terms(terms, sample_time=RECORD.sample_time, **details)
 
 
 def of(inputs: np.ndarray, outputs: np.ndarray) -> Recording:
@@ -188,6 +200,32 @@ def test_an_estimator_says_where_to_find_what_its_model_has():
         (lambda: Bayesian(precision=np.inf), "precision = inf; it must be positive and finite"),
         (lambda: Bayesian(priors=1.0), r"priors = 1.0; give Priors\(\)"),
         (lambda: hold_out(RECORD, None), "share must be real numbers"),
+        (lambda: decimate(RECORD, 0), "factor = 0"),
+        (lambda: decimate(SHORT, 5), "too few to decimate by 5"),
+        (lambda: choose_sampling(of(ONES, ONES)), "constant"),
+        (lambda: choose_sampling(SHORT, n_lags=20), "n_lags = 20"),
+        (lambda: choose_sampling(of(ONES, np.ones((2, 50)))), "one output"),
+        (lambda: choose_sections(RECORD, n_segments=5), "at least 10 segments"),
+        (lambda: choose_sections(RECORD.section(0, 100)), "at least 8 samples"),
+        (lambda: choose_sections(RECORD, level=1.0), "level"),
+        (lambda: choose_sections(of(np.ones(400), np.ones(400))), "constant"),
+        (lambda: inspect_recordings(RECORD.section(0, 150)), "too few to look at"),
+        (lambda: inspect_recordings(RECORD, level=0.0), "level"),
+        (lambda: choose_orders(Frols(), RECORD, RECORD, output_lags=()), "grid is empty"),
+        (lambda: choose_orders(Frols(), RECORD, SHORT, output_lags=(2, 12)), "shorter than the 32 samples"),
+        (lambda: estimate_dead_time(RECORD, max_dead_time=0), "max_dead_time = 0"),
+        (lambda: estimate_dead_time(RECORD, output=1), "to one of the outputs"),
+        (lambda: estimate_dead_time([RECORD, of(LINE, LINE)]), "same inputs"),
+        (lambda: estimate_dead_time(of(LINE, ONES)), "constant"),
+        (lambda: validate(_model(), SHORT), r"19 samples after the model's lags are too few .* over 25 lags need 100"),
+        (lambda: validate(_model(), RECORD).test("e(ue)"), r'did you mean "e\(eu\)"'),
+        (lambda: validate(_model(), of(np.ones(300), np.ones(300))), "sample time"),
+        (lambda: refine(made({"y(k-1)": 0.5, "e(k-1)": 0.2}), RECORD), "without noise terms"),
+        (lambda: refine(made({"y(k-1)": 3.0, "u(k-1)": 1.0}), RECORD), "diverges at"),
+        (lambda: made({"y(k-1)u(k)": 1.0, "u(k)y(k-1)": 1.0}), "only once"),
+        (lambda: made({"y(k-1)": 1.0}, theta_cov=np.eye(2)), "theta_cov"),
+        (lambda: made({"y(k-1)": np.nan}), "finite"),
+        (lambda: made(["y(k-1)"]), "terms are given as a list; give a mapping"),
         (lambda: validate(_model(), RECORD, max_lag=2.5), "max_lag = 2.5; it must be an integer of at least 1"),
         (lambda: validate(_model(), RECORD, level="a"), "level must be real numbers; got text"),
         (lambda: refine(_model(), RECORD, max_steps=2.5), "max_steps = 2.5; it must be an integer of at least 1"),

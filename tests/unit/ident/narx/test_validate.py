@@ -229,12 +229,3 @@ def test_the_plot_shows_five_panels_with_bands():
         assert ax.get_ylabel().startswith(r"$\phi") and f"p = {test.p_value:.2g}" in ax.get_title(loc="right")
     with pytest.raises(ModelError, match="5 panels need as many axes"):
         found.plot(list(axes[:3]))
-
-
-def test_what_cannot_be_is_said():
-    with pytest.raises(ModelError, match=r"99 samples after the model's lags are too few .* over 25 lags need 100"):
-        validate(model(), record(14, n=100))
-    with pytest.raises(ModelError, match=r'did you mean "e\(eu\)"'):
-        validate(model(), record(14)).test("e(ue)")
-    with pytest.raises(ModelError, match="sample time"):
-        validate(model(), Recording.from_arrays(np.ones(300), np.ones(300), 0.2))
