@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rig_files import SOUND
 
-from deatwin.plant.files import read_recording, write_recording
+from deatwin.plant.files import read_recording, write_csv, write_recording
+from deatwin.plant.files.csvtable import read_table
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.rigfile import RigFile
@@ -52,7 +53,7 @@ def recordings(draw: st.DrawFn) -> Recording:
 
 
 @pytest.mark.parametrize("ending", packages)
-@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(recording=recordings())
 def test_recordings_survive_bit_for_bit(in_one_process: None, ending: str, recording: Recording) -> None:
     for package in packages[ending]:
@@ -70,6 +71,15 @@ def test_recordings_survive_bit_for_bit(in_one_process: None, ending: str, recor
         assert again.extras[name].tobytes() == values.tobytes()
     found = again.provenance  # entries that the new file has too are kept behind its own
     assert {key: found.get(f"origin.{key}", found.get(key)) for key in recording.provenance} == recording.provenance
+
+
+@settings(deadline=None, max_examples=50)
+@given(columns=arrays(np.float64, st.tuples(st.integers(1, 4), lengths), elements=st.floats(-1e29, 1e29)))
+def test_numbers_survive_bit_for_bit(columns: np.ndarray) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "table.csv"
+        write_csv(path, {f"column {k}": column for k, column in enumerate(columns)})
+        np.testing.assert_array_equal(read_table(path).si(list(range(len(columns)))), columns)
 
 
 @settings(deadline=None, max_examples=50)
