@@ -33,8 +33,6 @@ EFFECTS = sorted(every(), key=lambda e: e.name)
 NAMED = {e.name: e for e in EFFECTS}
 EVERYWHERE = [e for e in everywhere(EFFECTS) if e.signal != "pressure"]
 each = pytest.mark.parametrize("effect", EVERYWHERE, ids=lambda e: e.name)
-each_at_first = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
-"""Pairs of places would take as long as all else."""
 
 
 def off(effect):
@@ -59,19 +57,16 @@ def read_with(*kinds):
     return read(Plant(rig=RIG, effects=kinds), commands())
 
 
-def test_there_are_effects_to_test():
-    assert {"creep", "mullins", "coulomb_friction", "periodic_disturbance"} <= set(NAMED)
+BESIDE = ("creep", "electrode_rc", "hysteresis", "mullins", "sensor_lag")
 
 
-@each
-def test_an_effect_that_is_off_is_nothing_beside_others(effect):
-    others = [
-        NAMED[n]
-        for n in ("creep", "electrode_rc", "hysteresis", "mullins", "sensor_lag")
-        if n != effect.name and n in NAMED
-    ]
-    plant = Plant(rig=RIG, effects=tuple(others))
-    with_off = read(plant.with_effects(off(effect)), commands())
+@pytest.mark.parametrize("part", range(5))
+def test_effects_that_are_off_are_nothing_beside_others(part):
+    """Eight of them at a time, so that each is beside the others that are on and those that are off."""
+    assert set(BESIDE) <= set(NAMED)
+    tried = EVERYWHERE[part::5]
+    others = [NAMED[name] for name in BESIDE if name not in {effect.name for effect in tried}]
+    with_off = read(Plant(rig=RIG, effects=(*others, *map(off, tried))), commands())
     # Newton ends when an update is below 1e-5 of the scale, 1 mm; what is left is of the order of its square.
     np.testing.assert_allclose(with_off, read_with(*others), rtol=0, atol=1e-12)
 
@@ -161,19 +156,11 @@ def brought(*kinds):
     ]
 
 
-@each_at_first
-def test_any_two_effects_make_one_plant_in_either_order(effect):
-    for other in EFFECTS[EFFECTS.index(effect) + 1 :]:
-        plant = Plant(rig=RIG, effects=(effect, other))
-        assert plant.equations is Plant(rig=RIG, effects=(other, effect)).equations
-        # Nothing of one overwrites what the other brings.
-        assert sorted(brought(effect, other)) == sorted(brought(effect) + brought(other))
-
-
-def test_an_effect_at_all_its_places_makes_one_plant():
-    for effect in (e for e in EFFECTS if e.places):
-        placed = [e for e in EVERYWHERE if e.cause == effect.name]
-        assert sorted(brought(*placed)) == sorted(itertools.chain.from_iterable(map(brought, placed)))
+def test_all_effects_at_all_their_places_make_one_plant_in_any_order():
+    one, other = (Plant(rig=RIG, effects=tuple(order)) for order in (EVERYWHERE, EVERYWHERE[::-1]))
+    assert one.equations is other.equations
+    # Nothing of one overwrites what another brings.
+    assert sorted(brought(*EVERYWHERE)) == sorted(itertools.chain.from_iterable(map(brought, EVERYWHERE)))
 
 
 SAME_NODE = [

@@ -31,9 +31,8 @@ PASSIVE = (
     "resonance",
     "relaxation",
 )
-"""Their parameters are constant and they are thermodynamically admissible."""
-NOT_PASSIVE = ("prestretch_relaxation", "permittivity_drift", "thermal_stiffness", "electrode_loss")
-"""A parameter changes in time, driven from outside: pumping it in step with the command would give work."""
+"""Their parameters are constant and they are thermodynamically admissible. Where a parameter changes in time, driven from
+outside, as in ``prestretch_relaxation``, pumping it in step with the command would give work."""
 CLOSED = 1e-6
 
 
@@ -65,12 +64,12 @@ def drawn(data, name: str) -> Plant:
 
 
 @pytest.mark.parametrize("name", PASSIVE)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(data=st.data())
 def test_no_command_draws_work_from_a_passive_effect(name, data):
     plant = drawn(data, name)
-    levels = data.draw(st.lists(st.floats(-2.8, 2.8), min_size=4, max_size=8), label="levels")
-    hold = data.draw(st.integers(1, 12), label="samples held")
+    levels = data.draw(st.lists(st.floats(-2.8, 2.8), min_size=4, max_size=6), label="levels")
+    hold = data.draw(st.integers(1, 8), label="samples held")
     # begins with rest, so that the ledger counts from there
     commands = np.concatenate([[0.0, 0.0], np.repeat([*levels, 0.0], hold)])
     margin, both_ways = ledger(plant, commands)

@@ -23,34 +23,10 @@ from deatwin.plant.schemacheck import shape_fault, shipped_schema
 
 FUZZ = Path(__file__).parents[1] / "fuzz"
 MODULES = ("readers", "mutations", "studies")
-KINDS = (
-    "csv",
-    "lvm",
-    "xlsx",
-    "mat",
-    "mat73",
-    "tdms",
-    "netcdf",
-    "netcdf4",
-    "rig",
-    "plant",
-    "narx",
-    "linear",
-    "states",
-    "diagnosis",
-    "check",
-    "theta",
-    "validation",
-    "controller",
-    "seal",
-    "case",
-    "shown run",
-    "former run",
-    "public csv",
-    "public mat",
-    "public hdf5",
-    "pull",
-)
+RECORDINGS = ("csv", "lvm", "xlsx", "mat", "mat73", "tdms", "netcdf", "netcdf4")
+MODELS = ("plant", "narx", "linear", "states", "diagnosis", "check", "theta", "validation", "controller")
+PUBLIC = ("public csv", "public mat", "public hdf5", "pull")
+KINDS = (*RECORDINGS, "rig", *MODELS, "seal", "case", "shown run", "former run", *PUBLIC)
 DOCUMENTS = ("plant", "narx", "linear", "diagnosis", "check", "theta", "validation")
 STUDIES = ("seal", "shown run", "former run")
 """JSON that studies keep."""
@@ -285,7 +261,8 @@ def written_rigs() -> Iterator[tuple[Path, str]]:
             if "[film]" in text:
                 yield file, text
     for file in sorted(root.glob("tests/**/*.py")):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        text = file.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)) if "[film]" in text else ():
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 if all(f"\n[{section}]\n" in f"\n{node.value}" for section in ("film", "load", "drive", "sensor")):
                     yield file, node.value

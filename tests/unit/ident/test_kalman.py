@@ -159,19 +159,6 @@ def test_scores_are_the_derivatives_of_the_likelihood(name, model, loops):
             assert slope("process_cov", inside, direction) == pytest.approx(expected, rel=1e-5, abs=1e-5)
 
 
-def test_kernel_and_python_agree(monkeypatch):
-    for _, model in cases():
-        outputs = np.random.default_rng(5).normal(size=model.rows.shape[:2])
-        outputs[0, 7] = np.nan
-        monkeypatch.delenv("DEATWIN_COMPILER", raising=False)
-        one, (_, matrices) = kalman_filter(model, outputs), adjoint(kalman_filter(model, outputs))
-        monkeypatch.setenv("DEATWIN_COMPILER", "")
-        two = kalman_filter(model, outputs)
-        for name in ("states", "covariances", "innovations", "innovation_variances", "gains"):
-            np.testing.assert_allclose(getattr(one, name), getattr(two, name), rtol=1e-9, atol=1e-11, err_msg=name)
-        np.testing.assert_allclose(matrices, adjoint(two)[1], rtol=1e-8, atol=1e-10)
-
-
 def test_collinear_states_and_a_wide_start(loops):
     # 1e12 times the variance of the noise beside regressors that differ in the sixth digit: a covariance filter loses
     # its sign here. The reference is least squares by QR on the rows with the start as further rows; its condition is
@@ -249,21 +236,6 @@ def test_one_factor_on_all_covariances_is_found_in_closed_form():
     best = filtered.variance_factor
     assert scaled(best).log_likelihood == pytest.approx(filtered.scaled_log_likelihood, rel=1e-12)
     assert scaled(best).log_likelihood > max(scaled(0.99 * best).log_likelihood, scaled(1.01 * best).log_likelihood)
-
-
-def test_single_steps_are_those_of_the_textbook():
-    # An extended filter calls them with its own linearisation.
-    rng = np.random.default_rng(6)
-    root, row, transition, noise = rng.normal(size=(3, 3)), rng.normal(size=3), rng.normal(size=(3, 3)), 0.7
-    cov = root @ root.T
-    after, gain, variance = update_root(root, row, noise)
-    assert variance == pytest.approx(row @ cov @ row + noise, rel=1e-13)
-    np.testing.assert_allclose(gain, cov @ row / variance, rtol=1e-12)
-    np.testing.assert_allclose(after @ after.T, cov - np.outer(gain, gain) * variance, rtol=0, atol=1e-12)
-    source = rng.normal(size=(2, 3))
-    ahead = advance_root(root, transition, source)
-    np.testing.assert_allclose(ahead @ ahead.T, transition @ cov @ transition.T + source.T @ source, rtol=0, atol=1e-11)
-    assert advance_root(root, None, None) is root
 
 
 def test_an_extended_filter_is_smoothed_as_its_linearisation(loops):

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -65,9 +64,9 @@ def nap(seconds: float) -> float:
 
 
 def test_a_job_counts_as_soon_as_it_has_ended():
-    naps = [(1.0,), (0.0,), (0.0,)]
+    naps = [(0.5,), (0.0,), (0.0,)]
     assert [number for number, _ in jobs_as_they_end(nap, naps, workers=2)][-1] == 0
-    assert list(stream_jobs(nap, naps, workers=2)) == [1.0, 0.0, 0.0]
+    assert list(stream_jobs(nap, naps, workers=2)) == [0.5, 0.0, 0.0]
 
 
 def test_a_failing_job_is_an_error():
@@ -75,34 +74,36 @@ def test_a_failing_job_is_an_error():
         run_jobs(fail, [(k,) for k in range(4)], workers=1)
 
 
-def mark(folder: str, number: int) -> None:
-    time.sleep(0.4)
-    (Path(folder) / str(number)).touch()
-
-
 KILLED = """
 import sys
-sys.path.insert(0, sys.argv[2])
-from test_parallel import mark
+sys.path.insert(0, sys.argv[1])
+from marking import mark
 from deatwin.ident.parallel import run_jobs
 run_jobs(mark, [(sys.argv[1], k) for k in range(100)], workers=2)
+"""
+MARKING = """
+import pathlib, time
+def mark(folder, number):
+    time.sleep(0.2)
+    (pathlib.Path(folder) / f"{number}.done").touch()
 """
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a process of Windows keeps the number of a parent that is gone")
 def test_jobs_that_wait_are_not_run_once_their_master_is_killed(tmp_path):
-    master = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path), str(Path(__file__).parent)])
+    (tmp_path / "marking.py").write_text(MARKING)
+    master = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)])
     try:
         until = time.monotonic() + 60
-        while not any(tmp_path.iterdir()) and time.monotonic() < until:
+        while not any(tmp_path.glob("*.done")) and time.monotonic() < until:
             time.sleep(0.05)
     finally:
         master.kill()
         master.wait()
-    done = len(list(tmp_path.iterdir()))
+    done = len(list(tmp_path.glob("*.done")))
     assert done > 0
     time.sleep(1.5)
-    assert len(list(tmp_path.iterdir())) <= done + 2  # those that were being run; two more wait at each worker
+    assert len(list(tmp_path.glob("*.done"))) <= done + 2  # those that were being run; two more wait at each worker
 
 
 INTERRUPTED = """

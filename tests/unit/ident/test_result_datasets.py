@@ -289,15 +289,6 @@ EXPECTED = {
         | along("sample", track=[0, 0, 1, 1], residual=np.concatenate([t.residual for t in TRACKS])),
         {"period_s": 12.0},
     ),
-    "no times": (Times(windows=(), period_s=None, tracks=()), along("sample", residual=[]), {}),
-    "bands": (
-        BANDS,
-        along("band", "Hz", band_from_Hz=[0.5])
-        | along("band", "dB", band_excess_dB=[12.0])
-        | along("frequency", "Hz", frequency=BANDS.frequency),
-        {},
-    ),
-    "lines": (LINES, along("", "s", period=4.0), {}),
     "regions": (
         REGIONS,
         along("region", "µm", region_mean_residual=[-4.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
+from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends
 
 
 def test_a_cubic_has_no_deviation_and_a_spike_has_its_size():
@@ -13,13 +13,6 @@ def test_a_cubic_has_no_deviation_and_a_spike_has_its_size():
     np.testing.assert_allclose(neighbours_deviation(spike)[8:13], [0.5, -2.0, 3.0, -2.0, 0.5])
     step = np.where(t >= 10, 3.0, 0.0)
     np.testing.assert_allclose(neighbours_deviation(step)[8:12], [0.5, -1.5, 1.5, -0.5])
-
-
-def test_steps_of_the_readings_are_found():
-    rng = np.random.default_rng(0)
-    signal = np.cumsum(rng.standard_normal(2000))
-    assert resolution(np.round(signal / 0.25) * 0.25) == pytest.approx(0.25)
-    assert resolution(signal) == 0.0
 
 
 def test_white_noise_beside_slow_motion():
@@ -35,8 +28,3 @@ def test_readings_at_a_limit():
     clipped = at_limit(np.minimum(signal, 0.8))
     assert list(clipped) == ["largest"]
     np.testing.assert_array_equal(np.concatenate(clipped["largest"]), np.flatnonzero(signal >= 0.8))
-
-
-def test_runs():
-    found = runs(np.array([1, 1, 0, 0, 1, 0, 1], dtype=bool))
-    assert [run.tolist() for run in found] == [[0, 1], [4], [6]]

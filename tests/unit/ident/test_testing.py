@@ -1,6 +1,7 @@
 """check_identifier: ours keep the contract, and each way of breaking it is caught."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -50,28 +51,53 @@ def test_it_takes_recordings_of_the_author():
     check_identifier(Frols(output_lags=1, input_lags=1), recordings=[whole.section(0, 140), whole.section(140, 300)])
 
 
+def given(prepare):
+    """A class of estimators that fit what ``prepare`` makes of the recordings."""
+
+    def fit(self, recordings, *, progress=None):
+        return Frols.fit(self, prepare(recordings), progress=progress)
+
+    return type(prepare.__name__, (Frols,), {"fit": fit})
+
+
+def fitted(change):
+    """One whose fit ends with ``change``."""
+
+    def fit(self, recordings, *, progress=None):
+        Frols.fit(self, recordings, progress=progress)
+        return change(self)
+
+    return type(change.__name__, (Frols,), {"fit": fit})
+
+
+def learned(change):
+    """One whose model is what ``change`` makes of it."""
+
+    def _learn(self, data, progress):
+        return change(self, Frols._learn(self, data, progress))
+
+    return type(change.__name__, (Frols,), {"_learn": _learn})
+
+
+def telling(change):
+    """One whose progress is what ``change`` makes of a share and a text."""
+
+    def fit(self, recordings, *, progress=None):
+        told = progress and (lambda share, doing: progress(*change(share, doing)))
+        return Frols.fit(self, recordings, progress=told)
+
+    return type("Telling", (Frols,), {"fit": fit})
+
+
+def with_methods(base=Frols, **methods):
+    return type("_".join(methods), (base,), methods)
+
+
 class Judges(Frols):
     def __init__(self, *, max_terms=15):
         if not max_terms > 0:
             raise ModelError("max_terms")
         super().__init__(max_terms=max_terms)
-
-
-class ScoresErrors(Frols):
-    def score(self, recordings, y=None):
-        return 100.0
-
-
-class AsksForATarget(Frols):
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.target_tags.required = True
-        return tags
-
-
-class ForgetsTheInner(Narmax):
-    def get_params(self, deep=True):
-        return super().get_params(deep=False)
 
 
 class Converts(Frols):
@@ -85,10 +111,11 @@ class Prepares(Fixed):
         super().__init__(terms=terms)
 
 
-class TakesAnyName(Frols):
-    def set_params(self, **params):
-        vars(self).update(params)
-        return self
+class AsksForATarget(Frols):
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.target_tags.required = True
+        return tags
 
 
 class SetsNothing(Frols):
@@ -98,11 +125,6 @@ class SetsNothing(Frols):
         return self
 
 
-class GetsCopies(Frols):
-    def get_params(self, deep=True):
-        return {**super().get_params(deep), "output_lags": [1, 2]}
-
-
 class KeepsLearned(Frols):
     def __sklearn_clone__(self):
         other = type(self)(**self.get_params())
@@ -110,129 +132,76 @@ class KeepsLearned(Frols):
         return other
 
 
-class ReturnsNothing(Frols):
-    def fit(self, recordings, *, progress=None):
-        super().fit(recordings, progress=progress)
-
-
-class ChangesArguments(Frols):
-    def _learn(self, data, progress):
-        self.max_terms = min(self.max_terms, 5)
-        return super()._learn(data, progress)
-
-
-class ExtendsALag(Frols):
+@learned
+def extends_a_lag(self, model):
     """In place, so that the argument is still the same object."""
-
-    def _learn(self, data, progress):
-        if isinstance(self.output_lags, list):
-            self.output_lags.append(3)
-        return super()._learn(data, progress)
+    if isinstance(self.output_lags, list):
+        self.output_lags.append(3)
+    return model
 
 
-class NamesWithoutUnderscore(Frols):
-    def _learn(self, data, progress):
-        self.residuals = np.zeros(3)
-        return super()._learn(data, progress)
+@learned
+def is_always_interrupted(self, model):
+    self.status_ = FitStatus.INTERRUPTED
+    return model
 
 
-class HiddenNames(Frols):
-    def _learn(self, data, progress):
-        self._cache_ = data
-        return super()._learn(data, progress)
+@learned
+def draws_globally(self, model):
+    np.random.normal()  # noqa: NPY002
+    return model
 
 
-class NoStatus(Frols):
-    def fit(self, recordings, *, progress=None):
-        super().fit(recordings, progress=progress)
-        del self.status_
-        return self
+@learned
+def starts_warm(self, model):
+    self.counts_ = getattr(self, "counts_", 0) + 1
+    return replace(model, provenance={**model.provenance, "fits": str(self.counts_)})
 
 
-class AlwaysInterrupted(Frols):
-    def _learn(self, data, progress):
-        model = super()._learn(data, progress)
-        self.status_ = FitStatus.INTERRUPTED
-        return model
+@fitted
+def has_no_status(self):
+    del self.status_
+    return self
 
 
-class ChangesRecordings(Frols):
-    def fit(self, recordings, *, progress=None):
-        for record in flatten(recordings):
-            record.outputs.setflags(write=True)
-            record.outputs[:] -= record.outputs.mean()
-            record.outputs.setflags(write=False)
-        return super().fit(recordings, progress=progress)
+@given
+def changes_recordings(recordings):
+    for record in flatten(recordings):
+        record.outputs.setflags(write=True)
+        record.outputs[:] -= record.outputs.mean()
+        record.outputs.setflags(write=False)
+    return recordings
 
 
-class LeavesRecordingsOpen(Frols):
-    def fit(self, recordings, *, progress=None):
-        for record in flatten(recordings):
-            record.inputs.setflags(write=True)
-        return super().fit(recordings, progress=progress)
+@given
+def leaves_recordings_open(recordings):
+    for record in flatten(recordings):
+        record.inputs.setflags(write=True)
+    return recordings
 
 
-class DrawsUnseeded(Frols):
-    def _learn(self, data, progress):
-        model = super()._learn(data, progress)
-        return replace(model, theta=model.theta * (1 + 1e-12 * np.random.default_rng().normal()))
+@given
+def joins_recordings(recordings):
+    chosen = flatten(recordings)
+    signals = (np.concatenate([getattr(one, side) for one in chosen], axis=1) for side in ("inputs", "outputs"))
+    return Recording.from_arrays(*signals, chosen[0].sample_time)
 
 
-class DrawsGlobally(Frols):
-    def _learn(self, data, progress):
-        np.random.normal()  # noqa: NPY002
-        return super()._learn(data, progress)
+@given
+def takes_the_first_of_an_experiment(recordings):
+    return recordings.recordings[:1] if isinstance(recordings, Experiment) else recordings
 
 
-class StartsWarm(Frols):
-    def _learn(self, data, progress):
-        model = super()._learn(data, progress)
-        before = getattr(self, "counts_", 0)
-        self.counts_ = before + 1
-        return replace(model, provenance={**model.provenance, "fits": str(self.counts_)})
+@given
+def fits_zero(recordings):
+    return recordings if any(one.outputs.any() for one in flatten(recordings)) else example_recordings()
 
 
-class JoinsRecordings(Frols):
-    def fit(self, recordings, *, progress=None):
-        chosen = flatten(recordings)
-        joined = Recording.from_arrays(
-            np.concatenate([record.inputs for record in chosen], axis=1),
-            np.concatenate([record.outputs for record in chosen], axis=1),
-            chosen[0].sample_time,
-        )
-        return super().fit(joined, progress=progress)
-
-
-class TakesTheFirst(Frols):
-    def fit(self, recordings, *, progress=None):
-        return super().fit(flatten(recordings)[0], progress=progress)
-
-
-class ExperimentsDiffer(Frols):
-    def fit(self, recordings, *, progress=None):
-        if isinstance(recordings, Experiment):
-            recordings = recordings.recordings[:1]
-        return super().fit(recordings, progress=progress)
-
-
-class FitsZero(Frols):
-    def fit(self, recordings, *, progress=None):
-        chosen = flatten(recordings)
-        if not any(record.outputs.any() for record in chosen):
-            chosen = example_recordings()
-        return super().fit(chosen, progress=progress)
-
-
-class DividesByZero(Frols):
-    def fit(self, recordings, *, progress=None):
-        if not any(record.outputs.any() for record in flatten(recordings)):
-            raise ZeroDivisionError("division by zero")
-        return super().fit(recordings, progress=progress)
-
-
-class FakeResponse:
-    def __init__(self, outputs):
-        self.outputs = outputs
+@given
+def divides_by_zero(recordings):
+    if not any(record.outputs.any() for record in flatten(recordings)):
+        raise ZeroDivisionError("division by zero")
+    return recordings
 
 
 class FakeModel:
@@ -242,50 +211,27 @@ class FakeModel:
         self.model, self.change, self.save = model, change, model.save
 
     def predict(self, recording):
-        return FakeResponse(self.change(self.model.predict(recording).outputs))
+        return SimpleNamespace(outputs=self.change(self.model.predict(recording).outputs))
 
     simulate = predict
 
 
-class FlatOutputs(Frols):
-    def fit(self, recordings, *, progress=None):
-        super().fit(recordings, progress=progress)
-        self.model_ = FakeModel(self.model_, lambda outputs: outputs[0])
-        return self
+@fitted
+def has_flat_outputs(self):
+    self.model_ = FakeModel(self.model_, lambda outputs: outputs[0])
+    return self
 
 
-class NotFinite(Frols):
-    def fit(self, recordings, *, progress=None):
-        super().fit(recordings, progress=progress)
-        self.model_ = FakeModel(self.model_, lambda outputs: np.where(np.arange(outputs.size) < 9, outputs, np.nan))
-        return self
+@fitted
+def is_not_finite(self):
+    self.model_ = FakeModel(self.model_, lambda outputs: np.where(np.arange(outputs.size) < 9, outputs, np.nan))
+    return self
 
 
-class SaysNothing(Frols):
-    def fit(self, recordings, *, progress=None):
-        return super().fit(recordings)
-
-
-class TellsPercent(Frols):
-    def fit(self, recordings, *, progress=None):
-        return super().fit(recordings, progress=progress and (lambda share, doing: progress(100 * share, doing)))
-
-
-class TellsBackwards(Frols):
-    def fit(self, recordings, *, progress=None):
-        return super().fit(recordings, progress=progress and (lambda share, doing: progress(1 - share, doing)))
-
-
-class TellsNumbers(Frols):
-    def fit(self, recordings, *, progress=None):
-        return super().fit(recordings, progress=progress and (lambda share, doing: progress(share, len(doing))))
-
-
-class Swallows(Frols):
-    def fit(self, recordings, *, progress=None):
-        super().fit(recordings, progress=progress)
-        self.status_ = FitStatus.DONE
-        return self
+@fitted
+def swallows_an_interrupt(self):
+    self.status_ = FitStatus.DONE
+    return self
 
 
 class SpoiltByInterrupt(Frols):
@@ -297,46 +243,59 @@ class SpoiltByInterrupt(Frols):
         return steps[:most]
 
 
+def rescaled(self, model):
+    return replace(model, theta=model.theta * (1 + 1e-12 * np.random.default_rng().normal()))
+
+
 BROKEN = [
-    (ScoresErrors(), "1 for a perfect fit"),
+    (with_methods(score=lambda self, recordings, y=None: 100.0)(), "1 for a perfect fit"),
     (AsksForATarget(), "the tags ask for a target"),
-    (ForgetsTheInner(Fixed(terms=TERMS)), "has no process__terms"),
+    (
+        with_methods(Narmax, get_params=lambda self, deep=True: Narmax.get_params(self, False))(Fixed(terms=TERMS)),
+        "has no process__terms",
+    ),
     (Judges(), "judges its arguments"),
     (Converts(), "'max_terms' untouched"),
     (Prepares(), "sets estimator beside"),
-    (TakesAnyName(), "accepts a name"),
+    (with_methods(set_params=lambda self, **given: vars(self).update(given) or self)(), "accepts a name"),
     (SetsNothing(), "does not set 'output_lags'"),
-    (GetsCopies(), "get_params returns other values"),
+    (
+        with_methods(get_params=lambda self, deep=True: Frols.get_params(self, deep) | {"output_lags": [1, 2]})(),
+        "get_params returns other values",
+    ),
     (KeepsLearned(), "a clone of a fitted estimator holds"),
-    (ReturnsNothing(), "fit must return the estimator"),
-    (ChangesArguments(), "fit changes the arguments"),
-    (ExtendsALag(output_lags=[1, 2]), "fit changes the arguments"),
-    (NamesWithoutUnderscore(), "fit sets residuals;"),
-    (HiddenNames(), "fit sets _cache_;"),
-    (NoStatus(), "no status_"),
-    (AlwaysInterrupted(), "has the status"),
-    (ChangesRecordings(), "changes the recordings"),
-    (LeavesRecordingsOpen(), "changes the recordings"),
-    (DrawsUnseeded(), "different bytes"),
-    (DrawsGlobally(), "global generator"),
-    (StartsWarm(), "depends on the fit before"),
-    (JoinsRecordings(), "order of the recordings"),
-    (TakesTheFirst(), "only the first"),
-    (ExperimentsDiffer(), "an Experiment of them differ"),
-    (FitsZero(), "zero output is fitted"),
-    (DividesByZero(), "ZeroDivisionError"),
-    (FlatOutputs(), "outputs of shape"),
-    (NotFinite(), "not finite"),
-    (SaysNothing(), "never calls progress"),
-    (TellsPercent(), "rise within 0 to 1"),
-    (TellsBackwards(), "rise within 0 to 1"),
-    (TellsNumbers(), "as a text"),
-    (Swallows(), "swallowed"),
+    (fitted(lambda self: None)(), "fit must return the estimator"),
+    (learned(lambda self, model: self.__setattr__("max_terms", 5) or model)(), "fit changes the arguments"),
+    (extends_a_lag(output_lags=[1, 2]), "fit changes the arguments"),
+    (learned(lambda self, model: self.__setattr__("residuals", 3) or model)(), "fit sets residuals;"),
+    (learned(lambda self, model: self.__setattr__("_cache_", 3) or model)(), "fit sets _cache_;"),
+    (has_no_status(), "no status_"),
+    (is_always_interrupted(), "has the status"),
+    (changes_recordings(), "changes the recordings"),
+    (leaves_recordings_open(), "changes the recordings"),
+    (learned(rescaled)(), "different bytes"),
+    (draws_globally(), "global generator"),
+    (starts_warm(), "depends on the fit before"),
+    (joins_recordings(), "order of the recordings"),
+    (given(lambda recordings: flatten(recordings)[0])(), "only the first"),
+    (takes_the_first_of_an_experiment(), "an Experiment of them differ"),
+    (fits_zero(), "zero output is fitted"),
+    (divides_by_zero(), "ZeroDivisionError"),
+    (has_flat_outputs(), "outputs of shape"),
+    (is_not_finite(), "not finite"),
+    (
+        with_methods(fit=lambda self, recordings, *, progress=None: Frols.fit(self, recordings))(),
+        "never calls progress",
+    ),
+    (telling(lambda share, doing: (100 * share, doing))(), "rise within 0 to 1"),
+    (telling(lambda share, doing: (1 - share, doing))(), "rise within 0 to 1"),
+    (telling(lambda share, doing: (share, len(doing)))(), "as a text"),
+    (swallows_an_interrupt(), "swallowed"),
     (SpoiltByInterrupt(), "after an interrupted one"),
 ]
 
 
-@pytest.mark.parametrize(("identifier", "says"), BROKEN, ids=lambda one: type(one).__name__)
+@pytest.mark.parametrize(("identifier", "says"), BROKEN, ids=[says for _, says in BROKEN])
 def test_each_breach_is_caught(identifier, says):
     with pytest.raises(ContractError, match=says) as caught:
         check_identifier(identifier)

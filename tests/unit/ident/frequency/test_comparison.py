@@ -11,7 +11,7 @@ from deatwin.ident.frequency.comparison.bands import band_frequencies, band_mean
 from deatwin.ident.frequency.comparison.compare import Agreement, compare
 from deatwin.ident.frequency.comparison.equality import Scatter, equality, holm, no_drift
 from deatwin.ident.frequency.comparison.records import compare_records
-from deatwin.ident.narx import Fixed, NarxModel
+from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.robust import Cosines
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -132,14 +132,6 @@ def test_a_drift_of_one_series_is_the_f_test_of_a_regression(shape, count):
     assert found.dof == (count, 36)
 
 
-def test_of_two_series_without_drift_the_level_is_kept():
-    """2000 correlated pairs: of three tests at 1.7 % each 1.7 to 5 % fail, and 5 % scatters by half a per cent."""
-    rng = np.random.default_rng(5)
-    mix = np.array([[1.0, 0.8], [0.0, 0.5]])
-    p = np.array([no_drift(Cosines.of(rng.standard_normal((24, 2)) @ mix, 4)).p_value for _ in range(2000)])
-    assert 0.017 <= np.mean(p < 0.05) <= 0.065
-
-
 # ---- means over bands
 
 
@@ -204,25 +196,11 @@ def test_a_band_finds_what_is_only_there():
     assert [d.differs for d in found.differences] == [False, True]
 
 
-def test_of_models_that_are_the_same_one_in_twenty_differs():
-    """160 pairs of fits, true structure: p uniform. Bands are dependent, so that only one of each order counts."""
-    fits = [Fixed(terms=TERMS).fit(recorded(seed, 200)).model_ for seed in range(320)]
-    p = np.array(
-        [
-            [d.p_value for d in compare(a, b, (1, 2), BANDS[1:2], operating_input=0.0).differences]
-            for a, b in zip(fits[::2], fits[1::2], strict=True)
-        ]
-    )
-    for of_order in p.T:
-        assert stats.kstest(of_order, "uniform").pvalue > 0.01
-        # of 160 trials 5 % scatters by 1.7 %
-        assert np.mean(of_order < 0.05) <= 0.11
-
-
 def test_the_table_corrects_for_its_number_of_tests():
     # b differs by z = 0.038 / (0.01 sqrt 2): H_1 of two parameters has p = exp(-z^2 / 2) in every band
     changed = model_of((0.6, 0.438, 0.1))
-    one, six = compare(model_of(TRUE), changed, (1,), BANDS[:1]), compare(model_of(TRUE), changed, (1, 2), BANDS)
+    one = compare(model_of(TRUE), changed, (1,), BANDS[:1], operating_input=0.0)
+    six = compare(model_of(TRUE), changed, (1, 2), BANDS)
     p = np.exp(-((0.038 / 0.01) ** 2) / 4)
     np.testing.assert_allclose([d.p_value for d in six.differences], [p, p, p, 1, 1, 1], rtol=1e-6)
     np.testing.assert_allclose([d.adjusted for d in six.differences], [6 * p, 6 * p, 6 * p, 1, 1, 1], rtol=1e-6)

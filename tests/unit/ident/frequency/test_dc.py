@@ -77,14 +77,6 @@ def test_no_equilibrium_and_every_output_one():
         equilibrium(integrator, [1.0, 2.0])
 
 
-def test_where_two_equilibria_meet_there_is_no_derivative():
-    fold = NarxModel.from_terms({"y(k-1)": 1.0, "y(k-1)^2": 1.0, "u(k-1)": 1.0}, sample_time=1.0)
-    point = equilibrium(fold, 0.0)
-    assert point.output == 0.0 and not point.is_stable
-    with pytest.raises(ModelError, match="two equilibria meet"):
-        linear_part(fold, 0.0, point.output)
-
-
 @pytest.mark.parametrize("excess", [0.0, 1e-15, -1e-16])
 def test_a_fold_is_one_to_rounding(excess):
     """(y - 1/2)^2 = 0, whose root is known to the square root of the rounding."""
@@ -135,15 +127,6 @@ def test_a_linear_model_is_sent_elsewhere():
     for function in (equilibrium, remove_dc):
         with pytest.raises(ModelError, match="a LinearModel is not a NarxModel; to_narx"):
             function(model)
-
-
-def test_what_is_found_is_not_changed():
-    point = equilibrium(NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0), 1.0)
-    for array in (point.stable, point.outputs, point.operating_input):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 0
-    with pytest.raises(ModelError, match="at the input 1; its free run"):
-        equilibrium(NarxModel.from_terms({"y(k-1)": 1.0, "u(k-1)": 1.0}, sample_time=1.0), 1.0)
 
 
 def test_a_constant_model_rests_at_its_constant():

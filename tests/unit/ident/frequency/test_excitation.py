@@ -8,7 +8,6 @@ from deatwin.ident import frequency
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.output_responses.powers import input_spectrum
 from deatwin.plant.errors import ModelError
-from deatwin.plant.excitation import band_limited_noise
 
 SAMPLE_TIME = 0.02
 
@@ -107,14 +106,6 @@ def test_two_tones_that_cancel():
     assert not gone.suitable
 
 
-def test_a_single_tone_suits_every_order():
-    tone = np.cos(2 * np.pi * 3 * np.arange(50) / 50 + 0.7)
-    for order, lines in ((1, [3]), (2, [0, 6]), (3, [3, 9]), (4, [0, 6, 12])):
-        spectrum = input_spectrum(tone, order, SAMPLE_TIME)
-        np.testing.assert_array_equal(np.flatnonzero(spectrum.defined), lines)
-        assert spectrum.largest_amplification == pytest.approx(1.0)
-
-
 def test_suitability_is_that_of_the_shape():
     rng = np.random.default_rng(3)
     record = rng.normal(size=256)
@@ -123,17 +114,6 @@ def test_suitability_is_that_of_the_shape():
         np.testing.assert_allclose(
             input_spectrum(other, 3, SAMPLE_TIME).amplification, spectrum.amplification, rtol=1e-6
         )
-
-
-def test_random_records_do_not_suit():
-    # 20 lines of random phase: of the 40 lines of their square, each a random walk of about 10 steps, one nearly always
-    # ends within a fifth of the way (amplifications of 6 and more in 200 of 200 seeds, 18 as a median).
-    for seed in range(20):
-        record = band_limited_noise(
-            np.random.default_rng(seed), 20.48, SAMPLE_TIME, band=1.0, variance=0.09, mean=0.0, lower=-1.0, upper=1.0
-        )
-        assert input_spectrum(record, 1, SAMPLE_TIME).suitable
-        assert not input_spectrum(record, 2, SAMPLE_TIME).suitable
 
 
 def test_leakage_outside_the_band_does_not_count():
@@ -191,17 +171,6 @@ def test_what_cannot_be_designed_is_said(given, text):
 def test_what_has_no_spectrum_is_said(record, order, text):
     with pytest.raises(ModelError, match=text):
         input_spectrum(record, order, SAMPLE_TIME)
-
-
-def test_small_records_are_no_random_ones():
-    signal = design_excitation((0.1, 1.0), SAMPLE_TIME, amplitude=1e-140)
-    assert signal.input_spectrum(2).suitable
-
-
-def test_a_signal_of_another_sample_time_is_refused():
-    signal = design_excitation((0.0, 1.0), SAMPLE_TIME, amplitude=0.7)
-    with pytest.raises(ModelError, match=r"sample time of 0.02 s, the model one of 0.1 s"):
-        input_spectrum(signal, 2, 0.1)
 
 
 def test_a_spectrum_as_a_dataset():

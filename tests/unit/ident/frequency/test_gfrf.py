@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from slopes import differences
 
-from deatwin.ident.frequency import equilibrium, frequency_grid, gfrf, linear_part, remove_dc
+from deatwin.ident.frequency import equilibrium, frequency_grid, gfrf, linear_part
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 
@@ -27,14 +27,6 @@ def nonlinear(theta=None, cov=None, operating=None):
         input_units=("V",),
         output_units=("m",),
     )
-
-
-def test_removing_the_operating_point_first_changes_nothing():
-    root = 0.01 * np.random.default_rng(0).normal(size=(6, 6))
-    model = nonlinear(cov=root @ root.T)
-    direct, shifted = gfrf(model, 1, OMEGA, operating_input=0.7), gfrf(remove_dc(model, 0.7), 1, OMEGA)
-    np.testing.assert_allclose(shifted.values, direct.values, rtol=1e-12)
-    np.testing.assert_allclose(shifted.covariance, direct.covariance, rtol=1e-9, atol=1e-15)
 
 
 def mean_over_permutations(response, omega):

@@ -12,10 +12,9 @@ from direct import direct_output
 from made_narx import trained_on
 from slopes import differences
 
-from deatwin.ident.frequency import gfrf, propagate
+from deatwin.ident.frequency import propagate
 from deatwin.ident.frequency.output_responses.estimate import nofrf, nofrf_exact, steady_state
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
-from deatwin.ident.frequency.output_responses.levels import chebyshev_levels
 from deatwin.ident.frequency.output_responses.result import NofrfStatus, NofrfWarning
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
@@ -88,24 +87,6 @@ def test_the_sum_of_orders_is_the_simulated_spectrum(name):
 
 
 @pytest.mark.parametrize("name", INFINITE)
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_the_bias_of_truncation_falls_at_its_order(name, order):
-    # N = 3 orders are fitted. What is left out begins with a^4, which spoils G_n as a^(4-n). Levels of both signs tell
-    # even from odd, so that what spoils is the first order left out of n's own parity. The next order is less than 0.1
-    # of it at these amplitudes (output_orders: |Y_5| by |Y_4|) and bends the line of the logarithms by about as much.
-    model = model_of(INFINITE[name])
-    first_left_out = 4 if order % 2 == 0 else 5
-    biases = []
-    for amplitude in (0.04, 0.08):
-        excitation = signal(amplitude)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NofrfWarning)
-            found = nofrf(model, excitation, order, highest=3)
-        biases.append(np.linalg.norm(found.values - nofrf_exact(model, excitation, order).values))
-    assert np.log2(biases[1] / biases[0]) == pytest.approx(first_left_out - order, abs=0.1)
-
-
-@pytest.mark.parametrize("name", INFINITE)
 def test_the_truncation_error_is_known(name):
     model, excitation = model_of(INFINITE[name]), signal(0.1)
     found = nofrf(model, excitation, 3, highest=5)
@@ -113,45 +94,6 @@ def test_the_truncation_error_is_known(name):
         bias = np.abs(found.orders[n - 1].values - nofrf_exact(model, excitation, n).values)
         # to leading order: the two orders after the two that were added change it by their share
         np.testing.assert_allclose(found.truncation[n - 1], bias, rtol=0.3, atol=1e-3 * bias.max() + 1e-11)
-
-
-def test_nofrfs_do_not_depend_on_the_size_of_the_input():
-    model = model_of(FINITE["degree 3"])
-    found, larger = nofrf(model, signal(0.4), 3, highest=3), nofrf(model, signal(1.2), 3, highest=3)
-    for a, b in zip(found.orders, larger.orders, strict=True):
-        np.testing.assert_allclose(a.values, b.values, rtol=1e-8)
-    shifted = nofrf(model, np.roll(signal(0.4).values, 23), 3, highest=3)  # nor on when the pulse comes
-    np.testing.assert_allclose(shifted.values, found.values, rtol=1e-8)
-
-
-def random_lines(seed, n_lines, n_samples):
-    """A period of a mean and lines of equal size and random phase."""
-    lines = np.zeros(n_samples // 2 + 1, dtype=complex)
-    lines[: n_lines + 1] = np.r_[1.0, np.exp(2j * np.pi * np.random.default_rng(seed).random(n_lines))]
-    return np.fft.irfft(lines, n_samples), lines
-
-
-def amplification_of(lines, n_lines):
-    """Sum of |U||U| by |sum of U U| at each line of order 2, by convolution."""
-    both = np.concatenate([lines[n_lines:0:-1].conj(), lines[: n_lines + 1]])
-    return (np.convolve(np.abs(both), np.abs(both)) / np.abs(np.convolve(both, both)))[2 * n_lines :]
-
-
-def test_a_nofrf_is_a_mean_of_the_gfrf():
-    # |G_2| <= max|H_2| for the designed signal, whose weights are positive; for others by their amplification more
-    model = model_of(RESONANT)
-    omega = 2 * np.pi * np.arange(-40, 41) / 8.0
-    largest = gfrf(model, 2, np.stack(np.meshgrid(omega, omega), axis=-1).reshape(-1, 2)).gain.max()
-    designed = nofrf_exact(model, signal(0.1, band=(0.0, 5.0), period=8.0), 2)
-    assert designed.gain.max() <= largest
-    beyond = 0
-    for seed in range(10):
-        period, lines = random_lines(seed, 40, 400)
-        with pytest.warns(NofrfWarning, match="are unsuitable"):
-            random = nofrf_exact(model, period, 2)
-        assert np.all(random.gain <= amplification_of(lines, 40) * largest * (1 + 1e-9))
-        beyond += random.gain.max() > designed.gain.max()
-    assert beyond == 10  # of 10 seeds
 
 
 def roughness(response):
@@ -193,11 +135,6 @@ def test_levels_are_chebyshev_and_their_condition_is_reported():
     np.testing.assert_allclose(found.levels, nodes / nodes[0], rtol=1e-12)
     powers = found.levels[:, None] ** [1, 2, 3]
     assert found.condition == pytest.approx(np.linalg.cond(powers / np.linalg.norm(powers, axis=0)))
-    for highest in (4, 6, 8):  # against as many levels of one sign, evenly spread
-        even = np.linspace(0, 1, 2 * highest + 1)[1:, None] ** np.arange(1, highest + 1)
-        chebyshev = chebyshev_levels(2 * highest)[:, None] ** np.arange(1, highest + 1)
-        conditions = [np.linalg.cond(p / np.linalg.norm(p, axis=0)) for p in (even, chebyshev)]
-        assert conditions[1] < 0.1 * conditions[0]
 
 
 def test_derivatives_are_those_of_the_fit():

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency import gfrf
 from deatwin.ident.frequency.closed_forms import DUFFING, HAMMERSTEIN, LINEAR, QUADRATIC, ClosedForm
-from deatwin.ident.frequency.output_responses.settled import in_bands, left_by_orders, settled
+from deatwin.ident.frequency.output_responses.settled import in_bands, left_by_orders
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.fleet.alike import OPERATING_INPUT
 
-PERIOD, STEP, NOISE = 60, 0.12, 1e-6
-"""Samples of the probing tones; sample time and noise, s and m, of the made-up actuators."""
+PERIOD = 60
+"""Samples of the probing tones."""
 
 
 def tones(lines: tuple[int, ...], size: float) -> NDArray[np.float64]:
@@ -33,19 +34,11 @@ def tones(lines: tuple[int, ...], size: float) -> NDArray[np.float64]:
         (DUFFING, (1, 4, 12)),
     ],
 )
-def test_closed_forms_are_what_simulation_gives(system: ClosedForm, lines: tuple[int, ...]) -> None:
-    # n tones of size a make n! H_n (a/2)^n at the sum of their lines. The n-fold difference over the signs leaves what
-    # is odd in each tone; the next such terms have two further tones, so the error is of the order a^2: at a = 0.01
-    # it is 1e-4 of H_n times what two further tones multiply, at most some tens.
-    n, size = len(lines), 0.01
-    total = np.zeros(PERIOD // 2 + 1, dtype=np.complex128)
-    for signs in np.ndindex(*[2] * n):
-        weights = 1 - 2 * np.array(signs)
-        inputs = np.sum([w * tones((line,), size) for w, line in zip(weights, lines, strict=True)], axis=0)
-        total += weights.prod() * settled(system.model, inputs) / 2**n
-    found = total[sum(lines)] / np.prod(np.arange(1, n + 1)) / (size / 2) ** n
-    expected = system.responses[n](2 * np.pi * np.array([lines]) / PERIOD)[0]
-    assert abs(found - expected) < 3e-3 * abs(expected)
+def test_closed_forms_are_the_responses_of_their_models(system: ClosedForm, lines: tuple[int, ...]) -> None:
+    """Which simulated tones are answered with: tests/validation/test_gfrf_probing.py."""
+    omega = 2 * np.pi * np.array([lines]) / PERIOD
+    found = gfrf(system.model, len(lines), omega[:, 0] if len(lines) == 1 else omega, operating_input=0.0).values
+    np.testing.assert_allclose(system.responses[len(lines)](omega), found, rtol=1e-11)
 
 
 def test_a_series_that_ends_and_one_that_does_not() -> None:

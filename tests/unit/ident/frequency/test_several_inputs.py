@@ -70,20 +70,6 @@ def steady(model: NarxModel, period: np.ndarray) -> np.ndarray:
     return np.fft.rfft(model.simulate(drive).outputs[0, -n:]) / n
 
 
-def test_tones_in_simulation_show_the_cross_kernel() -> None:
-    # Without y in products the model has two orders, so that the component is exact.
-    model = NarxModel.from_terms(
-        {key: value for key, value in TERMS.items() if key != "y(k-1)u2(k-1)"}, sample_time=1.0
-    )
-    n, (one, two) = 64, (5, 11)
-    k = np.arange(n)
-    period = np.array([0.7 * np.cos(2 * np.pi * one * k / n), 0.4 * np.cos(2 * np.pi * two * k / n)])
-    found = gfrf(model, 2, 2 * np.pi / n * np.array([[one, two], [one, -two]]), inputs=["u1", "u2"]).values
-    spectrum = steady(model, period)
-    assert spectrum[one + two] == pytest.approx(2 * found[0] * 0.35 * 0.2, rel=1e-12)
-    assert np.conj(spectrum[two - one]) == pytest.approx(2 * found[1] * 0.35 * 0.2, rel=1e-12)
-
-
 @pytest.mark.filterwarnings("ignore::deatwin.ident.frequency.NofrfWarning")
 def test_orders_of_the_output_add_up_to_the_simulation() -> None:
     rng = np.random.default_rng(1)

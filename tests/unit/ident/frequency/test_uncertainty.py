@@ -11,7 +11,6 @@ from made_narx import trained_on
 from scipy import stats
 
 from deatwin.ident.frequency import gfrf, output_orders, output_spectrum
-from deatwin.ident.frequency.many import stable_polynomials
 from deatwin.ident.frequency.uncertainty.gain_phase import polar
 from deatwin.ident.frequency.uncertainty.parameters import draw_theta, evaluate
 from deatwin.ident.frequency.uncertainty.propagate import UncertaintyStatus, UncertaintyWarning, propagate
@@ -95,24 +94,10 @@ def test_a_real_response_has_a_segment_of_one_dimension():
     assert found.status.ok
 
 
-@pytest.mark.parametrize("dof", [math.inf, 5.0])
-def test_ellipses_and_bands_hold_their_share_of_draws(dof):
-    """A response linear in its parameters; 40,000 draws: 0.95 within 0.0055 is five standard deviations."""
-    model = fir([[4e-4, 1e-4], [1e-4, 2e-4]], dof)
-    quantity = partial(gfrf, order=1, omega=[0.4, 1.5, 2.5])
-    found, drawn = propagate(model, quantity), sample(model, quantity, np.random.default_rng(0), 40_000)
-    inside = np.mean(found.contains(drawn.draws), axis=0)
-    np.testing.assert_allclose(inside, 0.95, atol=0.0055)
-    gain, phase = np.abs(drawn.draws), np.degrees(np.angle(drawn.draws))
-    for values, band in ((gain, found.gain_band()), (phase, found.phase_band())):
-        assert band.linear_law.all()
-        np.testing.assert_allclose(np.mean((values > band.low) & (values < band.high), axis=0), 0.95, atol=0.0055)
-
-
 # Gain and phase where they are not normal
 
 
-@pytest.mark.parametrize("value", [0.4 + 0.0j, 0.4j, 0.0j])
+@pytest.mark.parametrize("value", [0.4 + 0.0j, 0.0j])
 def test_the_gain_is_covered_where_the_truth_lies_along_the_short_axis(value):
     """Long, thin ellipses about values near zero, as of a model without gain at rest: at least 95 % of 400.
 
@@ -220,11 +205,6 @@ def test_nonlinearity_of_a_static_gain_against_its_series():
         assert found.nonlinearity[0] == pytest.approx(math.sqrt(3) * deviation / 0.2, rel=0.5)
 
 
-def test_a_response_linear_in_its_parameters_has_no_index():
-    found = propagate(fir(np.eye(2)), partial(gfrf, order=1, omega=[0.4, 1.5]))
-    assert found.nonlinearity.max() < 1e-12
-
-
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_far_outside_of_the_linear_law_a_warning_gives_the_index(name):
     with pytest.warns(UncertaintyWarning, match="nonlinearity up to"):
@@ -265,15 +245,6 @@ def test_many_at_once_are_those_one_by_one(name):
     np.testing.assert_array_equal(together.exists, alone.exists)
     np.testing.assert_array_equal(together.stable, alone.stable)
     np.testing.assert_allclose(together.values, alone.values, rtol=1e-8, atol=1e-12)
-
-
-def test_stability_without_roots():
-    rng = np.random.default_rng(6)
-    for order in (1, 2, 3, 5):
-        polynomials = np.hstack([np.ones((300, 1)), rng.normal(scale=1.2 / order, size=(300, order))])
-        expected = [np.all(np.abs(np.roots(p)) < 1) for p in polynomials]
-        assert 20 < sum(expected) < 290
-        np.testing.assert_array_equal(stable_polynomials(polynomials), expected)
 
 
 def test_draws_without_the_operating_point_are_counted():
@@ -347,12 +318,3 @@ def test_drawings_have_units_and_say_where_the_law_fails():
     diagonal = partial(gfrf, order=2, omega=np.c_[OMEGA, OMEGA], operating_input=0.7)
     drawn = sample(nonlinear(), diagonal, np.random.default_rng(0), 50)
     drawn.plot()
-
-
-def test_both_export_to_xarray():
-    pytest.importorskip("xarray")
-    found = propagate(nonlinear(), QUANTITIES["H_1"]).to_xarray()
-    drawn = sample(nonlinear(), QUANTITIES["H_1"], np.random.default_rng(0), 50).to_xarray()
-    assert found["gain_low"].attrs["units"] == "m/V" and found["nonlinearity"].shape == (9,)
-    assert set(found["covariance"].dims) == set(drawn["covariance"].dims)
-    assert drawn["draws_real"].dims == ("draw", "point")

@@ -9,7 +9,6 @@ from deatwin.ident.frequency.output_responses.result import NofrfWarning
 from deatwin.ident.frequency.varying import following, moving_parts
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.frequency.varying.following import hold_equilibrium
-from deatwin.ident.frequency.varying.response import VaryingStatus
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.trajectory import ThetaTrajectory
@@ -88,23 +87,6 @@ QUANTITIES = {
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
-def test_constant_parameters_give_the_frozen_forms_and_no_error(name):
-    # A dozen roundings of sums of a few terms; the third order multiplies some hundred.
-    along, frozen = QUANTITIES[name]
-    found = along(trajectory_of(GENERAL, theta_cov=1e-6 * np.eye(len(GENERAL))), operating_input=0.4)
-    model = NarxModel.from_terms(GENERAL, sample_time=T, theta_cov=1e-6 * np.eye(len(GENERAL)))
-    wanted = frozen(model, 0.4)
-    size = np.abs(wanted.values).max()
-    for k in (0, 3, -1):
-        np.testing.assert_allclose(found.values[k], wanted.values, rtol=0, atol=1e-13 * size)
-        np.testing.assert_allclose(found.covariance[k], wanted.covariance, rtol=0, atol=1e-12 * wanted.covariance.max())
-    np.testing.assert_allclose(found.frozen_correction, 0.0, atol=1e-12 * size)
-    assert found.statuses == (VaryingStatus.OK,) * 6
-    assert (found.symbol, found.order, found.unit) == (wanted.symbol, wanted.order, wanted.unit)
-    np.testing.assert_array_equal(found.omega, wanted.omega)
-
-
-@pytest.mark.parametrize("name", QUANTITIES)
 @pytest.mark.parametrize("operating", [None, around(0.3, 0.5)])
 def test_each_time_has_the_response_of_its_own_model(name, operating):
     along, frozen = QUANTITIES[name]
@@ -120,6 +102,8 @@ def test_each_time_has_the_response_of_its_own_model(name, operating):
         np.testing.assert_allclose(found.covariance[k], wanted.covariance, rtol=0, atol=1e-10 * wanted.covariance.max())
         assert found.equilibria[k] == pytest.approx(wanted.point.output, rel=1e-12)
         np.testing.assert_allclose(found.band().high[k], wanted.band().high, rtol=1e-10)
+    assert (found.symbol, found.order, found.unit) == (wanted.symbol, wanted.order, wanted.unit)
+    np.testing.assert_array_equal(found.omega, wanted.omega)
 
 
 def test_by_default_at_the_centre_of_the_data_and_at_most_200_times():

@@ -161,29 +161,6 @@ def test_amplitude_and_course_of_what_entered_are_found(oscillator):
     assert set(found.states) == {"force", "position", "velocity"}
 
 
-def test_places_of_rigs(oscillator):
-    names = {o.name for o in places(Plant(rig=Diaphragm()))}
-    assert {
-        "drive.command",
-        "drive.squared_voltage",
-        "ball.force",
-        "film.stiffness",
-        "film.permittivity",
-        "sensor.reading",
-        "parameter.permittivity",
-        "state.velocity",
-    } <= names
-    assert [o.name for o in places(Plant(rig=oscillator()))] == [
-        "drive.command",
-        "sensor.reading",
-        "parameter.mass",
-        "parameter.damping",
-        "parameter.stiffness",
-        "state.position",
-        "state.velocity",
-    ]
-
-
 def test_openings_that_do_the_same_are_one():
     plant = Plant(rig=Diaphragm())
     commands = 2.0 + np.sin(0.3 * np.arange(60))

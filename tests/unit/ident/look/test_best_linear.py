@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from deatwin.ident.look import BestLinearApproximation, best_linear_approximation, look_at
-from deatwin.ident.look.best_linear import _beside
 from deatwin.plant import DataError, ModelError, Recording
 from deatwin.plant.excitation import random_odd_harmonics, random_phase_multisine
 
@@ -71,16 +70,6 @@ def test_several_realisations(first: int) -> None:
     assert np.abs(np.mean(errors, axis=0)).max() < 1.0
 
 
-def test_the_same_signal_begun_later_is_no_other_realisation() -> None:
-    rng = np.random.default_rng(3)
-    harmonics, _ = random_odd_harmonics(rng, PERIOD, 29.0)
-    u = multisine(rng, harmonics)
-    later = np.roll(u, -137)
-    found = best_linear_approximation([recorded(rng, u), recorded(rng, later)])
-    assert found.realisations == 1 and found.periods >= 8
-    assert inside(found, harmonics) > 0.88
-
-
 @pytest.mark.parametrize(("n", "later", "top"), [(511, 100.0, 230), (512, 100.5, 80)])
 def test_a_later_start_in_an_odd_period_or_between_samples_is_no_other_realisation(
     n: int, later: float, top: int
@@ -102,18 +91,6 @@ def test_a_later_start_in_an_odd_period_or_between_samples_is_no_other_realisati
     assert (both.realisations, both.periods) == (1, 2 * alone.periods)
     assert both.odd_rms == pytest.approx(alone.odd_rms, rel=0.01)
     assert np.median(both.radius()) == pytest.approx(np.median(alone.radius()), rel=0.01)
-
-
-def test_detection_lines_of_equal_parity_stand_for_the_excited_lines_that_are_nearest_to_them() -> None:
-    rng = np.random.default_rng(12)
-    lines = np.arange(1, 400)
-    excited = rng.random(lines.size) < 0.6
-    found = _beside(lines, excited)
-    assert found is not None
-    first, last = lines[excited][[0, -1]]
-    for line, six in zip(lines[excited], lines[found], strict=True):
-        free = [k for k in lines[~excited] if k % 2 == line % 2 and first < k < last]
-        assert list(six) == sorted(free, key=lambda k: (abs(k - line), k))[:6]
 
 
 def test_arguments_that_make_no_sense_are_refused() -> None:

@@ -98,7 +98,7 @@ def test_an_even_plant_is_linked_by_the_square() -> None:
         assert look_at(Recording.from_arrays(u, y, STEP)).links[0].status is LinkStatus.EVEN
 
 
-@pytest.mark.parametrize("period", [3.7, 6.37, 20.37, 100.0])
+@pytest.mark.parametrize("period", [6.37, 100.0])
 def test_a_tone_is_linked_to_what_follows_it_and_to_nothing_else(period: float) -> None:
     rng, u = np.random.default_rng(12), np.sin(2 * np.pi * np.arange(4000) / period)
     noise = rng.normal(size=u.size)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_coupons import BRANCHES, MODULUS, dynamic, gent_equibiaxial, gent_pull, held, small_ramp
+from made_coupons import BRANCHES, MODULUS, dynamic, gent_equibiaxial, gent_pull, held
 from scipy.integrate import solve_ivp
 
 from deatwin.ident.materials.flow import STRETCHES, branch_stress, dynamic_shares, elastic_stress
@@ -14,14 +14,6 @@ MODULI, TIMES = np.array(BRANCHES).T
 
 def path(kind: str, along: np.ndarray) -> np.ndarray:
     return np.vstack([along, STRETCHES[kind](along)])
-
-
-def test_a_small_ramp_is_the_linear_convolution() -> None:
-    times = np.linspace(0.1, 20.0, 100)
-    stretches = path("uniaxial", 1 + 1e-6 * times)
-    elastic, _ = elastic_stress(neo_hookean, stretches, np.array([MODULUS]))
-    found = elastic + branch_stress(times, stretches, TIMES) @ MODULI
-    np.testing.assert_allclose(found, small_ramp(times, 1e-6), rtol=1e-4)
 
 
 def test_a_held_stretch_relaxes_as_its_integral_says() -> None:

@@ -85,12 +85,6 @@ def fitted(recording: Recording) -> NarxModel:
     return Fixed(terms=["y(k-1)", "a(k-1)", "b(k-2)"]).fit(recording).model_
 
 
-def test_reliance_on_a_recording_of_another_clock_is_refused() -> None:
-    model = Fixed(terms=["y(k-1)", "u(k-1)"]).fit(record("m")).model_
-    with pytest.raises(ModelError, match=r"sample time of 0\.2 s, the model of 0\.1 s"):
-        assess_reliance(model, [record("m", 0.2)])
-
-
 def test_other_names_are_taken_by_position() -> None:
     first = turned(("volts", "heat"), ("left", "right"))
     assert Frols(degree=1).fit([first, turned(("a", "b"), ("c", "d"))]).model_.input_names == ("volts", "heat")

@@ -53,34 +53,6 @@ def test_what_is_symmetric_stays_to_the_last_bit_and_through_the_file(tmp_path_f
     np.testing.assert_array_equal(NarxModel.load(path).theta_cov, model.theta_cov)
 
 
-@settings(deadline=None)
-@given(SEEDS, st.integers(2, 12), st.floats(-6, 0))
-def test_an_eigenvalue_below_zero_is_refused_in_any_units(seed, n, decades):
-    rng = np.random.default_rng(seed)
-    q = np.linalg.qr(rng.standard_normal((n, n)))[0]
-    wrong = q * np.r_[-(10.0**decades), np.ones(n - 1)] @ q.T
-    units = 10.0 ** rng.uniform(-6, 6, n)  # by the law of inertia they leave the sign of the eigenvalue
-    with pytest.raises(
-        ModelError,
-        match=r"theta_cov is not a covariance matrix.* (must not be negative|has the negative eigenvalue .*)",
-    ):
-        model_of((wrong + wrong.T) * np.outer(units, units))
-
-
-@settings(deadline=None)
-@given(SEEDS, st.integers(2, 12), st.floats(-2, 9))
-def test_a_pair_that_disagrees_is_named(seed, n, decades):
-    rng = np.random.default_rng(seed)
-    sizes = 10.0 ** rng.uniform(-6, 6, n)
-    wrong = np.diag(sizes**2)
-    i, j = rng.permutation(n)[:2]
-    wrong[i, j] = 10.0**decades * sizes[i] * sizes[j]
-    with pytest.raises(ModelError, match="because it is not symmetric") as caught:
-        model_of(wrong)
-    assert f"u(k-{i})".replace("-0", "") in str(caught.value)
-    assert f"u(k-{j})".replace("-0", "") in str(caught.value)
-
-
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
@@ -102,18 +74,15 @@ def test_the_offender_is_named(wrong, says):
 
 
 @pytest.mark.parametrize("name", ["noise_variance", "sample_time", "theta_dof"])
-@pytest.mark.parametrize("value", [np.nan, -1.0, -np.inf])
+@pytest.mark.parametrize("value", [np.nan, -1.0, -np.inf, np.inf])
 def test_other_numbers_that_cannot_be(name, value):
+    if (name, value) == ("theta_dof", np.inf):  # those of a normal law
+        return
     with pytest.raises(ModelError, match=name):
         replace(TWO, **{name: value})
-
-
-@pytest.mark.parametrize("name", ["noise_variance", "sample_time"])
-def test_what_must_be_finite(name):
-    with pytest.raises(ModelError, match=name):
-        replace(TWO, **{name: np.inf})
-    with pytest.raises(ModelError, match=name):
-        LinearModel(a=[1.0, -0.6], b=[[0.0, 0.3]], **({"sample_time": 0.1} | {name: np.inf}))
+    if name != "theta_dof":
+        with pytest.raises(ModelError, match=name):
+            LinearModel(a=[1.0, -0.6], b=[[0.0, 0.3]], **({"sample_time": 0.1} | {name: value}))
 
 
 @settings(deadline=None)
@@ -129,17 +98,6 @@ def test_a_map_that_cancels_leaves_a_covariance(seed, decades):
     model_of(found)
     exact = q * np.geomspace(1.0, 10.0**-decades, 4)
     np.testing.assert_allclose(found, exact @ exact.T, atol=1e4 * 4**2 * EPS)  # the root is known to eps sqrt(kappa)
-
-
-def test_roots_of_a_stack_are_those_of_its_members():
-    rng = np.random.default_rng(0)
-    roots = rng.standard_normal((5, 3, 2))
-    stack = roots @ roots.swapaxes(1, 2)
-    found = covariance_root(stack)
-    np.testing.assert_allclose(found @ found.swapaxes(1, 2), stack, rtol=0, atol=50 * EPS * np.abs(stack).max())
-    jacobian = rng.standard_normal((2, 3))
-    for one, new in zip(stack, transformed(jacobian, stack), strict=True):
-        np.testing.assert_allclose(new, jacobian @ one @ jacobian.T, rtol=0, atol=100 * EPS * np.abs(stack).max())
 
 
 def test_ridge_that_leaves_nothing_for_the_noise_is_refused():

@@ -247,20 +247,6 @@ def test_given_terms_are_estimated_in_their_order_and_units(estimator):
     assert type(estimator).__name__ in fixed.model_.provenance["identifier"]
 
 
-def test_given_terms_of_least_squares_against_numpy():
-    record = recording()
-    model = Fixed(terms=["1", "y(k-1)", "u(k-2)^2"]).fit([record, recording(seed=1)]).model_
-    rows, targets = [], []
-    for part in (record, recording(seed=1)):
-        u, y = part.inputs[0], part.outputs[0]
-        rows.append([np.ones(298), y[1:-1], u[:-2] ** 2])
-        targets.append(y[2:])
-    whole = np.concatenate(rows, axis=1)
-    sizes = np.abs(whole).max(axis=1)
-    theta, *_ = np.linalg.lstsq((whole / sizes[:, None]).T, np.concatenate(targets))
-    np.testing.assert_allclose(model.theta, theta / sizes, rtol=1e-9)
-
-
 def test_given_terms_of_several_outputs():
     rng = np.random.default_rng(3)
     u, y = rng.uniform(-1, 1, 200), np.zeros((2, 200))

@@ -9,7 +9,7 @@ from scipy import integrate, stats
 from scipy.special import comb
 
 from deatwin.ident.narx.bayes import Statistics
-from deatwin.ident.narx.evidence import climb, log_evidence, log_odds, log_prior
+from deatwin.ident.narx.evidence import climb, log_evidence, log_odds
 
 
 def statistics(phi, y):
@@ -53,15 +53,6 @@ def test_the_evidence_is_the_integral_over_parameters_and_noise():
     ratio = integral(fitted, np.eye(6) + 6 * projection) / integral(np.zeros(6), np.eye(6))
     share = share_by_lstsq(phi, y, [0, 1])
     assert float(log_evidence(share, 2, 6)) == pytest.approx(math.log(ratio), rel=1e-6)
-
-
-def test_the_prior_counts_the_candidates():
-    sums = [comb(9, k) * math.exp(log_prior(k, 9)) for k in range(5)]
-    np.testing.assert_allclose(sums, 0.1, rtol=1e-12)
-    assert all(log_prior(k, 9) == log_prior(4, 9) for k in range(5, 10))
-    # one false term among 1000 candidates: as many nats dearer than among 10 as there are chances more
-    price = [log_prior(3, m) - log_prior(2, m) for m in (10, 1000)]
-    assert price[0] - price[1] == pytest.approx(math.log(998 / 8))
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -7,7 +7,7 @@ import pytest
 from made_fleet import NOISE, of_second_degree
 
 from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, as_good, make_plan, order_errors
-from deatwin.ident.narx.fleet.records import FILM, HELD_OUT, RECORDED, STEADY, Prepared, as_variant, thinned
+from deatwin.ident.narx.fleet.records import FILM, HELD_OUT, RECORDED, STEADY, Prepared, as_variant
 from deatwin.plant.fleet import fleet
 
 
@@ -26,13 +26,6 @@ def test_less_physics_leaves_fabrication_commands_and_noise() -> None:
     step = made.plant.rig.chain.reading_step  # type: ignore[union-attr]
     assert np.abs(whole - without)[before].max() <= 1.01 * step
     assert np.abs(whole - without)[after].max() > 10 * step
-
-
-def test_every_other_sample_is_kept_as_it_is() -> None:
-    record = of_second_degree(101)
-    kept = thinned(record, 2)
-    np.testing.assert_array_equal(kept.outputs[0], record.outputs[0, ::2])
-    np.testing.assert_array_equal(kept.timepts, record.timepts[::2])
 
 
 def test_the_held_out_section_is_the_end_of_the_stretch() -> None:

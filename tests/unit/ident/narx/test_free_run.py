@@ -75,15 +75,6 @@ def test_a_nonlinear_model_of_two_outputs_is_its_equations(way):
     np.testing.assert_allclose(again, run, rtol=0, atol=1e-13)
 
 
-def test_noise_terms_count_for_nothing_in_a_free_run(way):
-    rng = np.random.default_rng(2)
-    u, y = rng.normal(size=(1, 50)), rng.normal(size=(1, 50))
-    noisy = table("y(k-1)", "e(k-3)", "u(k-1)", "u(k-1)e(k-1)")
-    run, _ = free_run(noisy, np.array([0.5, 7.0, 0.3, 9.0]), u, y, 1e3)
-    expected = loop(50, 3, y, lambda k, x: 0.5 * x[:, k - 1] + 0.3 * u[:, k - 1])
-    np.testing.assert_allclose(run, expected, rtol=0, atol=1e-14)
-
-
 def test_innovations_are_the_noise_that_made_the_record(way):
     n, rng = 600, np.random.default_rng(3)
     u, e = rng.uniform(-1, 1, (1, n)), 0.1 * rng.normal(size=(1, n))
@@ -100,15 +91,6 @@ def test_innovations_are_the_noise_that_made_the_record(way):
     found = innovations(terms, np.array([0.5, 0.4, 0.8, -0.3]), u, y)
     np.testing.assert_array_equal(found[:, :2], 0.0)
     np.testing.assert_allclose(found, e, rtol=0, atol=1e-13)
-
-
-def test_without_noise_terms_innovations_are_prediction_errors(way):
-    rng = np.random.default_rng(4)
-    u, y = rng.normal(size=(1, 300)), rng.normal(size=(2, 300))
-    terms, theta = table("y1(k-1)y2(k-2)", "u(k)", "1"), np.array([0.3, -0.5, 2.0])
-    found = innovations(terms, theta, u, y, equations=[0, 1, 1])
-    np.testing.assert_allclose(found[0, 2:], (y[0] - 0.3 * np.roll(y[0], 1) * np.roll(y[1], 2))[2:], atol=1e-14)
-    np.testing.assert_allclose(found[1, 2:], (y[1] + 0.5 * u[0] - 2.0)[2:], atol=1e-14)
 
 
 def test_a_divergence_tells_its_sample_and_holds_the_last_value(way):

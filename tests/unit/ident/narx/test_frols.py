@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from stopping import StopAt
 
-from deatwin.ident.narx import Fixed, Frols, regression
+from deatwin.ident.narx import Frols, regression
 from deatwin.ident.narx.criteria import criterion_values
 from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.shrinkage import Ridge
-from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 bilinear = partial(made_narx.bilinear, noise=0.01)
@@ -143,13 +142,6 @@ def test_free_run_error_of_one_of_several_outputs_takes_the_others_as_measured()
     assert {str(term) for term in first.path_[:3]} == {"y1(k-1)", "y2(k-1)", "u(k-1)"}
     # The first equation holds exactly, so that its run does too, though the second output is noisy.
     assert first.criterion_[2] < 1e-20 < second.criterion_.min()
-
-
-@pytest.mark.parametrize("identifier", [Frols(estimator=Ridge), Fixed(terms=["y(k-1)"], estimator=Ridge)])
-def test_a_class_is_no_estimator(identifier):
-    recording = Recording.from_arrays(np.arange(20.0) % 3, np.arange(20.0) % 5, 1.0)
-    with pytest.raises(ModelError, match=r"estimator = Ridge; give an object, as Ridge\(\)"):
-        identifier.fit(recording)
 
 
 def test_another_estimator_takes_the_chosen_terms():

@@ -25,19 +25,11 @@ def record(seed, noise=0.1, n=800, u=None):
     return Recording.from_arrays(u, clean + noise * rng.normal(size=u.size), 1.0)
 
 
-def two_inputs(seed, n=800):
-    rng = np.random.default_rng(seed)
-    u, w, y = rng.uniform(-1, 1, n), rng.uniform(-1, 1, n), np.zeros(n)
-    for k in range(5, n):
-        y[k] = 0.8 * y[k - 1] + 0.5 * u[k - 1] + 0.3 * w[k - 5] + 0.4 * u[k - 1] * w[k - 5]
-    return Recording.from_arrays([u, w], y + 0.02 * rng.normal(size=n), 1.0, input_names=["u", "w"])
-
-
 def test_under_noise_on_the_readings_it_runs_where_one_step_methods_are_biased():
     """The fixed draws: of the clean run it misses less than a tenth of the noise, forward regression far more."""
     unseen = record(100, noise=0.0)
     misses = {"grow": [], "frols": []}
-    for seed in range(4):
+    for seed in range(2):
         grown = Grow(degree=3).fit(record(seed))
         found = dict(zip(map(str, grown.terms_), grown.model_.theta, strict=True))
         assert found.keys() >= {"y(k-1)", "y(k-2)", "y(k-1)^3"} and len(found) <= 15
@@ -77,22 +69,13 @@ def test_parts_are_tried_and_the_best_over_all_recordings_is_kept():
         Grow(parts=200).fit(data)
 
 
-def test_of_several_inputs_each_has_its_own_lags():
-    grow = Grow(output_lags=1, input_lags={"u": [1, 2], "w": [4, 5, 6]}).fit([two_inputs(0), two_inputs(1)])
-    found = dict(zip(map(str, grow.terms_), grow.model_.theta, strict=True))
-    deviations = dict(zip(found, np.sqrt(np.diag(grow.model_.theta_cov)), strict=True))
-    for term, value in {"y(k-1)": 0.8, "u1(k-1)": 0.5, "u2(k-5)": 0.3, "u1(k-1)u2(k-5)": 0.4}.items():
-        assert abs(found[term] - value) < 5 * deviations[term]
-
-
-@pytest.mark.parametrize("offset", [0.0, 5.0])
-def test_several_outputs_are_learned_one_by_one_with_the_others_as_measured(offset):
+def test_several_outputs_are_learned_one_by_one_with_the_others_as_measured():
     rng = np.random.default_rng(3)
     u, y = rng.uniform(-1, 1, 1000), np.zeros((2, 1000))
     for k in range(2, 1000):
         y[0, k] = 0.5 * y[0, k - 1] + 0.2 * y[1, k - 2] + u[k - 1]
         y[1, k] = -0.3 * y[1, k - 1] + 0.4 * y[0, k - 1] * u[k - 1]
-    level = np.array([[0.0], [offset]])
+    level = np.array([[0.0], [5.0]])
     noisy = y + 1e-3 * rng.normal(size=y.shape)
     grow = Grow().fit(Recording.from_arrays(u, noisy + level, 1.0, output_units=["m", "N"]))
     first, second = ({str(t) for t in one.terms_} for one in grow.equations_)
@@ -113,11 +96,6 @@ def test_a_plant_that_integrates_starts_inside_the_unit_circle():
     a = dict(zip(lags, start.theta, strict=True))
     assert np.abs(np.roots([1.0, -a[1], -a[2]])).max() <= np.exp(-1.0 / 498) + 1e-12
     assert Grow(degree=1).fit(data).model_.simulate(data).rms_error < 0.005
-
-
-def test_candidates_without_the_past_of_the_output_are_a_regression():
-    grow = Grow(output_lags=0, input_lags=3, degree=1).fit(record(0))
-    assert all(v.kind == "u" for term in grow.terms_ for v in term.expanded)
 
 
 def test_candidates_that_depend_on_each_other_are_left_out_of_the_start():
@@ -181,14 +159,13 @@ def test_the_autocovariance_of_an_autoregressive_process_is_found():
     assert not autocovariance([np.zeros(50)]).any()
 
 
-@pytest.mark.parametrize("pole", [0.0, 0.9])
-def test_its_intervals_hold_the_truth_under_correlated_noise(pole):
-    """200 records of 400 samples, four parameters each: 95 % intervals hold 92 to 98 %. For white noise on the readings
-    and, where sigma^2 (S'S)^-1 does not hold, for noise that remembers ten samples.
+def test_its_intervals_hold_the_truth_under_correlated_noise():
+    """200 records of 400 samples, four parameters each: 95 % intervals hold 92 to 98 % under noise that remembers ten
+    samples, where those of sigma^2 (S'S)^-1 do not.
     """
     from scipy.signal import lfilter
 
-    rng = np.random.default_rng(7)
+    rng, pole = np.random.default_rng(7), 0.9
     true = NarxModel.from_terms(TRUE, sample_time=1.0)
     held, plain = np.zeros(len(TRUE)), np.zeros(len(TRUE))
     for seed in range(200):
@@ -201,7 +178,7 @@ def test_its_intervals_hold_the_truth_under_correlated_noise(pole):
         held += miss < 1.96 * np.sqrt(np.diag(model.theta_cov))
         plain += miss < 1.96 * np.sqrt(np.diag(white.theta_cov))
     assert 0.92 <= held.mean() / 200 <= 0.98
-    assert pole == 0.0 or plain.mean() / 200 < 0.85
+    assert plain.mean() / 200 < 0.85
 
 
 @pytest.mark.parametrize("sets", [4, pytest.param(200, marks=pytest.mark.study)])

@@ -56,13 +56,6 @@ def test_runs_in_several_blocks_are_those_of_one():
     assert np.allclose(model.predict(recording, steps=5).outputs[:, 9010:], late, rtol=1e-12)
 
 
-def test_an_input_alone_is_predicted_from_the_first_sample_on():
-    model = NarxModel.from_terms({"u(k)": 2.0}, sample_time=0.1)
-    recording = make_recording()
-    response = model.predict(recording, steps=3)
-    assert response.first == 2 and np.allclose(response.outputs[:, 2:], 2 * recording.inputs[:, 2:])
-
-
 @pytest.mark.parametrize("steps", [0, -1, 1.5, True, 39])
 def test_steps_that_make_no_sense_are_refused(steps):
     model = NarxModel.from_terms({"y(k-2)": 0.5, "u(k-1)": 1.0}, sample_time=0.1)

@@ -19,13 +19,13 @@ def late(lag, seed=0, n=800, noise=0.02, poles=(0.9,), kind="white"):
 
 def test_every_estimator_and_validation_says_it():
     lag = 9
-    record, unseen = late(lag, n=500), late(lag, 1, n=500)
-    fits = (SvbNarx(degree=1), Frols(degree=1), Semp(degree=1), Fixed(terms=["y(k-1)", "u(k-1)"]))
+    record, unseen = late(lag, n=300), late(lag, 1, n=300)
+    fits = (Frols(degree=1), Fixed(terms=["y(k-1)", "u(k-1)"]))
     for identifier in fits:
         (note,) = (one for one in identifier.fit(record).notes_ if "begins to act" in one)
         assert f"after {lag} samples" in note and "of u" in note.partition(": allow lags ")[2]
-        assert any(f"after {lag} samples" in one for one in validate(identifier.model_, unseen).notes)
-    assert f"after {lag} samples" in str(validate(fits[-1].model_, unseen))
+        found = validate(identifier.model_, unseen)
+        assert any(f"after {lag} samples" in one for one in found.notes) and f"after {lag} samples" in str(found)
 
 
 @pytest.mark.parametrize("kind", ["white", "held"])

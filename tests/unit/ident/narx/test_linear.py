@@ -8,9 +8,8 @@ from slopes import differences
 from deatwin.ident.narx import FitStatus, NarxModel
 from deatwin.ident.narx.linear import Armax, Arx, BoxJenkins, Orders, OutputError
 from deatwin.ident.narx.linear import prediction as search_module
-from deatwin.ident.narx.linear.polynomials import is_stable, reflected
+from deatwin.ident.narx.linear.polynomials import is_stable
 from deatwin.ident.narx.linear.prediction import prediction_errors
-from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 # A resonant plant (poles 0.75 ± 0.37i) with one sample of delay.
@@ -43,23 +42,6 @@ def test_the_gradient_is_that_of_finite_differences(na, nc, nd, nf):
     # central differences: error of order step^2 and rounding / step, both near 1e-10
     slopes = differences(lambda unknowns: errors(unknowns).errors, at, 1e-5).T
     np.testing.assert_allclose(gradient, slopes, atol=1e-7 * max(1.0, np.abs(gradient).max()))
-
-
-def test_prediction_errors_are_those_of_the_difference_equation():
-    # With the true polynomials and records from rest the errors are the noise itself (Ljung, eq. 3.20). What is
-    # left is that e is taken as zero before the first error: it dies out as 0.6^k.
-    rng = np.random.default_rng(2)
-    u, e = rng.normal(size=(2, 300))
-    y = lfilter(B, F, u) + lfilter([1, 0.6], [1, -0.8], e)
-    orders = Orders(na=0, nb=(2,), nc=1, nd=1, nf=(2,), nk=(1,), offset=False)
-    p = orders.split(np.array([1.0, 0.5, -1.5, 0.7, 0.6, -0.8]))
-    w = lfilter(B, F, u)
-    # pulses that stand for what was before sample 2: F w - B u with the past of w taken as zero
-    start = np.array([w[2] - B[1] * u[1] - B[2] * u[0], w[3] - 1.5 * w[2] - B[1] * u[2] - B[2] * u[1]])
-    errors = prediction_errors(orders, p, u[None], y, start).errors
-    assert errors.size == 300 - 2 - 1
-    np.testing.assert_allclose(errors[80:], e[83:], atol=1e-12)
-    np.testing.assert_allclose(errors[0] - e[3], 0.6 * e[2], atol=1e-12)
 
 
 def test_arx_is_linear_least_squares_and_a_narx_model():
@@ -238,14 +220,6 @@ def test_c_and_f_stay_stable_on_the_edge():
     assert model.c[1] < -0.9 and model.f[0][1] == pytest.approx(-1.0, abs=0.02)
 
 
-def test_reflection_keeps_the_magnitude():
-    p = reflected(np.poly([2.0, 0.5, -0.3]))
-    np.testing.assert_allclose(np.sort(np.roots(p)), [-0.3, 0.5, 0.5], atol=1e-6)
-    pair = reflected(np.poly([1.25 * np.exp(0.4j), 1.25 * np.exp(-0.4j)]).real)
-    np.testing.assert_allclose(np.abs(np.roots(pair)), 0.8)
-    assert np.abs(np.roots(reflected(np.array([1.0, -1.0])))) == pytest.approx(0.9999)
-
-
 def test_an_interrupt_keeps_the_best_so_far(monkeypatch):
     recording = record(np.random.default_rng(10), (1.0, 0.6), (1.0, -0.8))
     whole = BoxJenkins(nc=1, nd=1).fit(recording)
@@ -262,15 +236,6 @@ def test_an_interrupt_keeps_the_best_so_far(monkeypatch):
     cut = BoxJenkins(nc=1, nd=1).fit(recording)
     assert whole.status_ is FitStatus.DONE and cut.status_ is FitStatus.INTERRUPTED
     assert whole.model_.noise_variance <= cut.model_.noise_variance < 1.05 * whole.model_.noise_variance
-
-
-def test_contract():
-    estimator = BoxJenkins(nb=(1, 2), nc=1)
-    assert type(estimator)(**estimator.get_params()).get_params() == estimator.get_params()
-    assert repr(estimator) == "BoxJenkins(nb=(1, 2), nc=1, nd=2, nf=2, nk=1, offset=True)"
-    with pytest.raises(ModelError, match='did you mean "nf"'):
-        estimator.set_params(nff=1)
-    assert Arx().set_params(na=3).na == 3
 
 
 def test_what_the_data_do_not_determine_is_uncertain():

@@ -1,14 +1,11 @@
 """LinearModel: prediction, free run, frequency response, its forms elsewhere, and its file."""
 
-import json
-from importlib.resources import files
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from deatwin.ident.narx import ResponseStatus
-from deatwin.ident.narx.linear import Arx, LinearModel
+from deatwin.ident.narx.linear import LinearModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -45,12 +42,6 @@ def draw(seed=0, n=400, noise=0.0):
     return Recording.from_arrays(u, by_filters(full_model(), u, e), 0.1), e
 
 
-def test_the_parameter_vector_holds_what_is_free_in_order():
-    model = full_model()
-    np.testing.assert_array_equal(model.theta, [-0.4, 1.0, 0.5, 0.3, -1.2, 0.5, 0.6, 0.3, 0.1, -0.7, 0.25])
-    assert model.orders.nk == (1, 0) and model.orders.nb == (2, 1)
-
-
 def test_free_run_finds_the_state_at_the_start_of_a_section():
     recording, _ = draw()
     section = recording.section(100, 400)
@@ -69,18 +60,6 @@ def test_only_the_warmup_of_the_output_is_used():
     other = Recording.from_arrays(recording.inputs, spoilt, 0.1)
     a, b = full_model().simulate(recording), full_model().simulate(other)
     np.testing.assert_array_equal(a.outputs[:, a.first :], b.outputs[:, a.first :])
-
-
-def test_an_arx_run_is_that_of_the_narx_model_from_the_same_outputs():
-    rng = np.random.default_rng(1)
-    u, e = rng.normal(size=(2, 300))
-    y = lfilter([0, 1, 0.5], [1, -1.5, 0.7], u) + lfilter([1.0], [1, -1.5, 0.7], 0.1 * e)
-    recording = Recording.from_arrays(u, y, 0.1)
-    model = Arx(na=2, nb=2).fit(recording).model_
-    own = model.simulate(recording, warmup=2)
-    narx = model.to_narx().simulate(recording.section(2, 300))
-    assert own.first == 4
-    np.testing.assert_allclose(own.outputs[0, 4:], narx.outputs[0, 2:], atol=1e-11)
 
 
 def test_armax_is_a_narmax_model():
@@ -143,44 +122,6 @@ def test_python_control_gives_the_same_responses():
     t = 0.1 * np.arange(60)
     _, y = control.forced_response(control.ss(system[0, 0]), t, u)
     np.testing.assert_allclose(y, lfilter(model.b[0], np.convolve(model.a, model.f[0]), u), atol=1e-12)
-
-
-def test_the_file_keeps_every_digit_and_follows_its_schema(tmp_path):
-    model, path = full_model(), tmp_path / "linear.json"
-    model.save(path)
-    again = LinearModel.load(path)
-    np.testing.assert_array_equal(again.theta, model.theta)
-    np.testing.assert_array_equal(again.theta_cov, model.theta_cov)
-    for name in ("input_names", "output_names", "input_units", "output_units", "sample_time", "noise_variance"):
-        assert getattr(again, name) == getattr(model, name)
-    assert dict(again.provenance) == {"file": "a.csv"}
-    jsonschema = pytest.importorskip("jsonschema")
-    schema = json.loads((files("deatwin.ident") / "schemas" / "linear.schema.json").read_text(encoding="utf-8"))
-    document = json.loads(path.read_text(encoding="utf-8"))
-    jsonschema.Draft202012Validator(schema).validate(document)
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.Draft202012Validator(schema).validate(document | {"a": [2.0]})
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (lambda d: d.pop("b"), "key 'b' is missing"),
-        (lambda d: d.update(a=[2.0]), "must begin with 1"),
-        (lambda d: d.update(b="x"), "not a valid"),
-        (lambda d: d.update(theta_cov=[[1.0]]), "theta_cov"),
-        (lambda d: d.update(schema="deatwin/narx/1"), "schema"),
-    ],
-)
-def test_a_malformed_file_is_one_clear_error(tmp_path, change, says):
-    path = tmp_path / "linear.json"
-    full_model().save(path)
-    document = json.loads(path.read_text(encoding="utf-8"))
-    change(document)
-    path.write_text(json.dumps(document), encoding="utf-8")
-    with pytest.raises(ModelError, match=says) as caught:
-        LinearModel.load(path)
-    assert "linear.json" in str(caught.value)
 
 
 def test_what_does_not_suit_is_refused():

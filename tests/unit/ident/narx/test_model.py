@@ -1,9 +1,5 @@
 """NarxModel: prediction, free run, divergence, and its file."""
 
-import json
-import math
-from importlib.resources import files
-
 import numpy as np
 import pytest
 
@@ -75,83 +71,6 @@ def test_a_model_without_lags_is_a_map():
     np.testing.assert_allclose(run.outputs, 2 * recording.inputs**2)
 
 
-def test_the_file_keeps_every_digit_and_follows_its_schema(tmp_path):
-    model = full_model()
-    model.save(tmp_path / "narx.json")
-    again = NarxModel.load(tmp_path / "narx.json")
-    np.testing.assert_array_equal(again.theta, model.theta)
-    np.testing.assert_array_equal(again.theta_cov, model.theta_cov)
-    for name in (
-        "terms",
-        "noise_variance",
-        "sample_time",
-        "theta_dof",
-        "input_names",
-        "output_names",
-        "input_units",
-        "output_units",
-        "provenance",
-    ):
-        assert getattr(again, name) == getattr(model, name)
-    np.testing.assert_array_equal(again.operating.input_centre, [0.1])
-    plain = NarxModel.from_terms({"y(k-1)": 0.5}, sample_time=1.0)
-    plain.save(tmp_path / "plain.json")
-    assert NarxModel.load(tmp_path / "plain.json").operating is None
-    assert math.isinf(NarxModel.load(tmp_path / "plain.json").theta_dof)
-
-    jsonschema = pytest.importorskip("jsonschema")
-    schema = json.loads((files("deatwin.ident") / "schemas" / "narx.schema.json").read_text(encoding="utf-8"))
-    for name in ("narx.json", "plain.json"):
-        jsonschema.validate(json.loads((tmp_path / name).read_text(encoding="utf-8")), schema)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["narx.json", "plain.json"]
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (lambda d: d["terms"].pop(), "theta_cov"),
-        (lambda d: d["terms"][0].update(term="z(k-1)"), "cannot read the term"),
-        (lambda d: d.update(sample_time_s=-1), "sample_time"),
-    ],
-)
-def test_a_malformed_file_is_one_clear_error(tmp_path, change, says):
-    path = tmp_path / "narx.json"
-    full_model().save(path)
-    document = json.loads(path.read_text(encoding="utf-8"))
-    change(document)
-    path.write_text(json.dumps(document), encoding="utf-8")
-    with pytest.raises(ModelError, match=says) as caught:
-        NarxModel.load(path)
-    assert "narx.json" in str(caught.value)
-
-
-def test_a_recording_that_does_not_suit_is_refused():
-    model = NarxModel.from_terms(TERMS, sample_time=0.1)
-    for recording, says in [
-        (make_recording(sample_time=0.2), "sample time"),
-        (make_recording(n=2), "samples"),
-        (Recording.from_arrays(np.zeros((2, 9)), np.zeros(9), 0.1), "inputs"),
-    ]:
-        with pytest.raises(ModelError, match=says):
-            model.simulate(recording)
-
-
-def test_a_model_that_cannot_be_is_refused():
-    with pytest.raises(ModelError, match="only once"):
-        NarxModel.from_terms({"y(k-1)u(k)": 1.0, "u(k)y(k-1)": 1.0}, sample_time=1.0)
-    with pytest.raises(ModelError, match="theta_cov"):
-        NarxModel.from_terms({"y(k-1)": 1.0}, sample_time=1.0, theta_cov=np.eye(2))
-    with pytest.raises(ModelError, match="finite"):
-        NarxModel.from_terms({"y(k-1)": np.nan}, sample_time=1.0)
-
-
-def test_arrays_are_read_only_and_the_model_prints():
-    model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": -2.0}, sample_time=1.0)
-    with pytest.raises(ValueError):
-        model.theta[0] = 1.0
-    assert str(model) == "y(k) = 0.5 y(k-1) - 2 u(k-1) + e(k)"
-
-
 def test_plot_has_units():
     axes = full_model().simulate(make_recording()).plot()
     assert axes.get_xlabel() == "time (s)" and "(m)" in axes.get_ylabel()
@@ -185,8 +104,3 @@ def test_an_input_that_no_term_uses_has_a_unit_too():
 def test_signals_that_cannot_be(wrong, says):
     with pytest.raises(ModelError, match=says):
         NarxModel.from_terms(PLAIN, sample_time=0.1, **wrong)
-
-
-def test_terms_without_parameters_are_refused():
-    with pytest.raises(ModelError, match="terms are given as a list; give a mapping"):
-        NarxModel.from_terms(["y(k-1)"], sample_time=0.1)

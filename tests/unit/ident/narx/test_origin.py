@@ -4,7 +4,6 @@ The reference is the same experiment without its offsets, or the raw polynomial 
 """
 
 import itertools
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -53,19 +52,10 @@ def test_every_choice_of_terms_stands_a_swing_that_is_a_small_share_of_the_offse
     near, far = moved(u, y, 10.0, 10.0), Recording.from_arrays(1.0 + swing * u, 1.0 + swing * y, 1.0)
     terms = identifier.fit(near).terms_
     error = identifier.model_.simulate(near).rms_error
-    assert set(identifier.fit(far).terms_) == set(terms)
+    assert set(identifier.fit(moved(u, y)).terms_) == set(terms) == set(identifier.fit(far).terms_)
     assert identifier.model_.simulate(far).rms_error == pytest.approx(swing * error, rel=1e-3)
     assert {str(term) for term in terms} >= {"y(k-1)", "u(k-1)", "u(k-2)", "u(k-1)u(k-2)"}
     assert error < 1.05 * 0.005
-
-
-@pytest.mark.parametrize("identifier", [Frols(), Lasso(), Semp()])
-def test_offsets_add_no_term(identifier):
-    """Shifted signals obey the same equation about another rest: both draws have the very terms without shift."""
-    for seed in range(2):
-        u, y = signals(seed=seed)
-        terms = set(identifier.fit(moved(u, y)).terms_)
-        assert set(identifier.fit(moved(u, y, 40.0, 300.0)).terms_) == terms
 
 
 def test_exact_data_about_an_offset_have_no_constant_and_no_wild_percentage():
@@ -102,10 +92,9 @@ def test_a_signal_that_reaches_zero_counts_from_zero():
     assert "where" not in str(model)
 
 
-@pytest.mark.parametrize("radius", [0.98, 0.999])
-def test_slightly_damped_poles_and_nearly_collinear_lags(radius):
+def test_slightly_damped_poles_and_nearly_collinear_lags():
     """Two modes at low frequencies: least squares on the same terms is the reference."""
-    rng = np.random.default_rng(4)
+    rng, radius = np.random.default_rng(4), 0.999
     poles = [radius * np.exp(1j * angle * sign) for angle in (0.2, 0.35) for sign in (1, -1)]
     a, n = np.poly(poles).real, 800
     u, y = np.cumsum(rng.standard_normal(n)) * 0.1, np.zeros(n)
@@ -149,12 +138,6 @@ def test_noise_models_and_several_outputs_about_an_origin():
     assert several.model_.predict(recording).rms_error == pytest.approx(
         reference.model_.predict(Recording.from_arrays(u, both, 1.0)).rms_error, rel=0.01
     )
-
-
-def test_a_constant_input_takes_no_part():
-    u, y = signals()
-    recording = Recording.from_arrays(np.stack([u, np.full(u.size, 5.1)]), y, 1.0)
-    assert not any("u2" in str(term) for term in SvbNarx().fit(recording).terms_)
 
 
 # ---- consumers: a model about an origin equals the raw polynomial written out, which at this swing has its digits
@@ -286,13 +269,8 @@ def test_refits_keep_the_origin():
     assert equilibrium(held.at(held.timepts[50]), U0).output == pytest.approx(Y0 + 0.1)
 
 
-def test_it_is_saved_and_printed_with_its_origin(tmp_path):
-    model = about_origin()
-    model.save(tmp_path / "narx.json")
-    again = NarxModel.load(tmp_path / "narx.json")
-    assert again.output_origin.tolist() == [Y0] and again.input_origin.tolist() == [U0]
-    assert json.loads((tmp_path / "narx.json").read_text())["outputs"][0]["origin"] == Y0
-    assert str(model).endswith("\nwhere y is output less 300, u is input less 40")
+def test_it_is_printed_with_its_origin():
+    assert str(about_origin()).endswith("\nwhere y is output less 300, u is input less 40")
     with pytest.raises(ModelError, match=r"input_origin must be 1 finite number"):
         NarxModel.from_terms({"y(k-1)": 0.5}, sample_time=1.0, input_origin=[1.0, 2.0])
 

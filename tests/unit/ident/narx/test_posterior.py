@@ -19,11 +19,6 @@ def model(dof=9.0, **details):
     return NarxModel.from_terms(TERMS, sample_time=0.1, theta_cov=COV, noise_variance=0.01, theta_dof=dof, **details)
 
 
-def test_an_estimator_has_no_posterior():
-    with pytest.raises(ModelError, match="a SvbNarx is not a NarxModel"):
-        ThetaPosterior(model=SvbNarx())
-
-
 @pytest.mark.parametrize("dof", [5.0, 40.0, math.inf])
 def test_intervals_are_those_of_the_law(dof):
     posterior = ThetaPosterior(model=model(dof))
@@ -76,12 +71,6 @@ def test_equations_have_a_noise_of_their_own():
     # E[x^2 | tau] = ratio of the own equation; of the other equation's ratio it is independent
     for term, own in ((0, 0), (1, 1), (2, 1)):
         assert np.mean(squares[:, term] / ratio[:, own]) == pytest.approx(1.0, abs=4 * math.sqrt(2 / 20_000))
-
-
-@pytest.mark.parametrize("level", [0.0, 1.0, 95])
-def test_a_level_lies_between_0_and_1(level):
-    with pytest.raises(ModelError, match="level"):
-        ThetaPosterior(model=model()).interval(level)
 
 
 @pytest.mark.extras

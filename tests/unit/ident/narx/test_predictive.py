@@ -44,36 +44,25 @@ def test_one_step_band_is_that_of_draws(model):
         np.testing.assert_array_equal(values[:, :2], new.outputs[:, :2])
 
 
-def test_bands_cover_new_measurements(model):
-    """Well over 1000 new samples; what the 22 training samples say of the parameters is one and the same for all."""
-    new = recording(3000, seed=9)
-    step = one_step_band(model, new)
-    free = free_run_band(model, new, np.random.default_rng(3), n_draws=300)
-    assert 0.9 < step.coverage[0] <= 0.995 and 0.9 < free.coverage[0] <= 0.995
-    assert step.coverage[0] == np.mean(
-        (new.outputs[0, 2:] >= step.lower[0, 2:]) & (new.outputs[0, 2:] <= step.upper[0, 2:])
-    )
-    assert free.status is BandStatus.OK and (free.draws, free.diverged) == (300, 0)
-
-
-@pytest.mark.parametrize("draws", [39, 199])
-def test_few_draws_hold_as_many_new_measurements_as_many_draws(draws):
+def test_few_draws_hold_as_many_new_measurements_as_many_draws():
     """New measurements and draws are of one law, independent at each of 20 000 samples: the share held is 0.95 with a
-    standard deviation of 0.0015. Ends at the ranks 1 + (n - 1) p would hold 0.903 and 0.941.
+    standard deviation of 0.0015. Ends at the ranks 1 + (n - 1) p would hold 0.903.
     """
     known, rng = NarxModel.from_terms({"u(k-1)": 1.0}, sample_time=1.0, noise_variance=1.0), np.random.default_rng(1)
     u = rng.normal(size=20_000)
     y = np.concatenate([[0.0], u[:-1]]) + rng.normal(size=u.size)
-    band = free_run_band(known, Recording.from_arrays(u, y, 1.0), rng, n_draws=draws)
+    band = free_run_band(known, Recording.from_arrays(u, y, 1.0), rng, n_draws=39)
     assert abs(band.coverage[0] - 0.95) < 0.005
+    assert band.coverage[0] == np.mean((y[1:] >= band.lower[0, 1:]) & (y[1:] <= band.upper[0, 1:]))
+    assert band.status is BandStatus.OK and (band.draws, band.diverged) == (39, 0)
 
 
 def test_free_run_noise_of_a_known_linear_model_has_its_closed_form():
     """y(k) = a y(k-1) + e(k): the variance after j steps is s^2 (1 - a^(2j)) / (1 - a^2)."""
     known = NarxModel.from_terms({"y(k-1)": 0.9, "u(k-1)": 1.0}, sample_time=0.1, noise_variance=0.04)
-    new, n = recording(60, seed=11), 20_000
+    new, n = recording(20, seed=11), 20_000
     band = free_run_band(known, new, np.random.default_rng(4), n_draws=n, level=0.9)
-    steps = np.arange(1, 60)
+    steps = np.arange(1, 20)
     sigma = np.sqrt(0.04 * (1 - 0.81**steps) / (1 - 0.81))
     error = math.sqrt(0.05 * 0.95 / n) / stats.norm.pdf(stats.norm.ppf(0.05))
     middle = known.simulate(new).outputs[0, 1:]
@@ -87,7 +76,7 @@ def test_free_run_parameters_without_noise_have_their_closed_form():
     known = NarxModel.from_terms(
         {"u(k-1)": 0.5}, sample_time=0.1, theta_cov=[[0.01]], noise_variance=0.0, theta_dof=6.0
     )
-    new, n = recording(40, seed=12), 20_000
+    new, n = recording(12, seed=12), 20_000
     band = free_run_band(known, new, np.random.default_rng(5), n_draws=n, level=0.8)
     half = stats.t.ppf(0.9, 6) * math.sqrt(0.01 * 4 / 6)
     error = math.sqrt(0.1 * 0.9 / n) / stats.t.pdf(stats.t.ppf(0.1, 6), 6) * math.sqrt(0.01 * 4 / 6)
@@ -133,12 +122,6 @@ def test_diverged_draws_are_counted_and_told():
         free_run_band(lost, recording(200), np.random.default_rng(7), n_draws=20)
 
 
-@pytest.mark.parametrize("arguments", [{"level": 1.2}, {"n_draws": 1}])
-def test_senseless_arguments_are_refused(model, arguments):
-    with pytest.raises(ModelError):
-        free_run_band(model, recording(), np.random.default_rng(0), **arguments)
-
-
 def test_the_picture_shows_the_band(model):
     band = one_step_band(model, recording(50, seed=7))
     axes = band.plot()
@@ -172,10 +155,3 @@ def test_with_noise_on_the_readings_the_band_holds_new_readings():
     assert np.median(widths) < 1.3
     wide = free_run_band(model, unseen, rng)
     assert np.mean(wide.upper - wide.lower) > 2 * np.mean(band.upper - band.lower)
-
-
-def test_a_negative_noise_on_the_readings_is_refused():
-    plant = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0)
-    recording = Recording.from_arrays(np.ones(20), np.zeros(20), 1.0)
-    with pytest.raises(ModelError, match=r"output_noise = -1; it must be a standard deviation of at least 0"):
-        free_run_band(plant, recording, np.random.default_rng(0), output_noise=-1)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from deatwin.ident.narx.linear import OutputError
 from deatwin.ident.narx.preprocess import SamplingStatus, choose_sampling, decimate, removed_share
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
@@ -126,45 +125,9 @@ def test_what_would_alias_is_removed():
     assert share["displacement"] == pytest.approx(0.5, abs=0.01) and share["command"] < 1e-5
 
 
-@pytest.mark.parametrize("factor", [3, 4])
-def test_the_model_of_the_decimated_rows_is_that_of_the_plant(factor):
-    # A first-order lag of 0.5 s under commands held for 0.01 s, smooth noise up to about 1 Hz. The exact model of rows
-    # of the new length, readings at the end of the hold: y(k) = a y(k-1) + (1 - a) u(k), a = exp(-T/0.5).
-    T, lag = 0.01, 0.5
-    a = np.exp(-T / lag)
-    rng = np.random.default_rng(2)
-    u = lfilter([1.0], np.poly([0.93] * 4), rng.normal(size=40_000))
-    y = lfilter([1 - a], [1, -a], u)
-    coarse = decimate(Recording.from_arrays(u, y, T), factor)
-    # An input that is the command at the middle of the hold answers with G exp(-j w T/2), which is not of finite order:
-    # four coefficients hold it well enough.
-    model = OutputError(nb=4, nf=1, nk=0, offset=False).fit(coarse).model_
-    held = factor * T
-    omega = 2 * np.pi * np.array([0.1, 0.3, 1.0])
-    shift, b = np.exp(-1j * omega * held), np.exp(-held / lag)
-    ratio = model.to_control()(np.exp(1j * omega * held)) / ((1 - b) / (1 - b * shift))
-    # gain to (w T)^2 / 24, phase exact; 2e-4 for the model's finite order
-    assert np.all(np.abs(np.abs(ratio) - 1) < (omega * held) ** 2 / 24 + 2e-4)
-    assert np.abs(np.angle(ratio)).max() < 2e-3
-    assert model.poles[0].real == pytest.approx(b, abs=2e-3)
-
-
 def test_factor_one_is_the_recording_itself():
     recording = of(np.arange(10.0))
     assert decimate(recording, 1) is recording
-
-
-def test_errors_are_clear():
-    with pytest.raises(DataError, match="factor = 0"):
-        decimate(of(np.arange(100.0)), 0)
-    with pytest.raises(DataError, match="too few to decimate by 5"):
-        decimate(of(np.arange(90.0)), 5)
-    with pytest.raises(DataError, match="constant"):
-        choose_sampling(of(np.ones(100)))
-    with pytest.raises(DataError, match="n_lags = 100"):
-        choose_sampling(of(np.arange(100.0)), n_lags=100)
-    with pytest.raises(DataError, match="one output"):
-        choose_sampling(Recording.from_arrays(np.ones(50), np.ones((2, 50)), 1.0))
 
 
 def test_plot_shows_both_functions():

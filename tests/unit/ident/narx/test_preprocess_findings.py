@@ -7,7 +7,6 @@ import pytest
 from scipy.signal import lfilter
 
 from deatwin.ident.narx.preprocess import FindingKind, inspect_recordings
-from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 
 T = 0.02
@@ -57,6 +56,7 @@ def test_a_trend_is_named_with_its_size():
     # chance gives the 6000 samples, of spectral density (10 µm)^2 at zero, a trend of 10 µm sqrt(12/6000) = 0.45 µm
     assert trend.size == pytest.approx(5e-6, abs=4 * 0.45e-6) and trend.unit == "m"
     assert (trend.from_s, trend.to_s) == (100.0, pytest.approx(100.0 + 5999 * T))
+    assert str(trend).startswith("a.csv, displacement: a linear trend of ")
     assert trend.recording == "a.csv" and "linear trend of" in trend.text and "µm over 120 s" in trend.text
     assert ("command", FindingKind.TREND) not in found
 
@@ -67,14 +67,6 @@ def test_a_drift_that_is_no_trend_is_named_with_its_place():
 
     drift = named(record(shift))["displacement", FindingKind.DRIFT]
     assert drift.from_s <= 100.0 + 3000 * T <= drift.to_s + 600 * T and drift.size > 1e-6
-
-
-def test_outliers_are_named_with_their_times():
-    where = [500, 2222, 4001]
-    found = named(record(with_values(where, lambda y: y[where] + np.array([5e-6, -4e-6, 6e-6]))))
-    outliers = found["displacement", FindingKind.OUTLIERS]
-    assert outliers.count == 3 and outliers.size == pytest.approx(6e-6, abs=1.5e-6)
-    assert outliers.text.startswith("3 outlying readings, at 110, 144.44, 180.02 s")
 
 
 def test_steps_and_ringing_are_no_outliers():
@@ -149,18 +141,6 @@ def test_nothing_is_altered_and_units_change_nothing():
     assert [(f.kind, f.signal, f.count) for f in inspect_recordings(other)] == [
         (f.kind, f.signal, f.count) for f in plain
     ]
-
-
-def test_errors_are_clear():
-    with pytest.raises(DataError, match="too few to look at"):
-        inspect_recordings(record(n=150))
-    with pytest.raises(DataError, match="level"):
-        inspect_recordings(record(), level=0.0)
-
-
-def test_a_finding_prints_as_a_sentence_with_its_place():
-    finding = named(record(lambda y: y + np.linspace(0.0, 2e-6, y.size)))["displacement", FindingKind.TREND]
-    assert str(finding).startswith("a.csv, displacement: a linear trend of ")
 
 
 @pytest.mark.parametrize("hold", [3, 8, 12])

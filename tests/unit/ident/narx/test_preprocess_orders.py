@@ -100,14 +100,6 @@ def test_divergence_and_failure_are_a_status():
     assert "diverged" in str(only)
 
 
-def test_errors_are_clear():
-    recording = bilinear(seed=11)
-    with pytest.raises(ModelError, match="grid is empty"):
-        choose_orders(Frols(), recording, recording, output_lags=())
-    with pytest.raises(ModelError, match="shorter than the 32 samples"):
-        choose_orders(Frols(), recording, recording.section(0, 30), output_lags=(2, 12))
-
-
 def test_plot_has_a_line_for_each_degree():
     recording = bilinear(seed=12)
     choice = choose_orders(Frols(max_terms=4), recording, recording, output_lags=(1, 2, 3), degrees=(1, 2))

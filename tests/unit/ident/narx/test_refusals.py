@@ -11,10 +11,12 @@ from deatwin.ident.narx import (
     Frols,
     Grow,
     Narmax,
+    NarxModel,
     Ridge,
     Rls,
     Semp,
     SvbNarx,
+    ThetaPosterior,
     ThetaSmoother,
     excitation,
     free_run_band,
@@ -26,7 +28,14 @@ from deatwin.ident.narx import (
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.linear import Arx, OutputError
-from deatwin.ident.narx.preprocess import choose_orders
+from deatwin.ident.narx.preprocess import (
+    choose_orders,
+    choose_sampling,
+    choose_sections,
+    decimate,
+    estimate_dead_time,
+    inspect_recordings,
+)
 from deatwin.ident.nss import Pnlss
 from deatwin.ident.testing import example_recordings
 from deatwin.plant.errors import DataError, ModelError
@@ -41,6 +50,10 @@ def _model():
     return Fixed(terms=["y(k-1)", "u(k-1)"]).fit(RECORD).model_
 
 
+def made(terms, **details) -> NarxModel:
+    return NarxModel.from_terms(terms, sample_time=RECORD.sample_time, **details)
+
+
 def of(inputs: np.ndarray, outputs: np.ndarray) -> Recording:
     return Recording.from_arrays(inputs, outputs, 1.0)
 
@@ -50,7 +63,8 @@ ARGUMENTS = [
     (Frols(held_out=1.0), "held_out"),
     (Frols(criterion="free_run", held_out=0.001), "too short"),
     (Frols(estimator="ridge"), "Ridge"),
-    (Frols(max_terms=0), "max_terms"),
+    (Frols(estimator=Ridge), r"estimator = Ridge; give an object, as Ridge\(\)"),
+    (Fixed(terms=["y(k-1)"], estimator=Ridge), r"estimator = Ridge; give an object, as Ridge\(\)"),
     (Frols(max_terms=2.5), "max_terms = 2.5; it must be an integer of at least 1"),
     (Frols(held_out=None), "held_out must be real numbers"),
     (Lasso(max_terms="3"), "max_terms = '3'; it must be an integer of at least 1"),
@@ -65,27 +79,15 @@ ARGUMENTS = [
     (Frols(degree=0), "degree"),
     (Frols(max_terms=500, output_lags=8, input_lags=8, degree=3), "too few"),
     (Frols(output_lags=600, degree=1), "samples"),
-    (Lasso(max_terms=0), "max_terms"),
-    (Lasso(held_out=0.0), "held_out"),
     (Lasso(max_terms=400, output_lags=6, input_lags=6, degree=3), "too few"),
     (SvbNarx(clean_up="evidnce"), 'did you mean "evidence"'),
-    (SvbNarx(resolution=1.0), "resolution"),
     (SvbNarx(b0=0.0), "b0"),
-    (SvbNarx(max_iterations=0), "max_iterations"),
-    (SvbNarx(degree=0), "degree"),
-    (Semp(max_terms=0), "max_terms"),
     (Semp(level=0.0), "level"),
-    (Semp(level=0.6), "level"),
     (Semp(significance=1.0), "significance"),
-    (Semp(max_exchanges=-1), "max_exchanges"),
-    (Grow(max_terms=0), "max_terms = 0"),
-    (Grow(held_out=1.0), "between 0 and 1"),
     (Grow(parts=1.5), "parts = 1.5; it must be an integer of at least 1"),
     (Grow(rule=lambda term: term.degree == 2), r"begins with a linear model.*allow y\(k-1\) and u\(k-1\)"),
-    (Fixed(terms=[]), "give a list"),
     (Pnlss(degrees=2), r"degrees = 2; give a list, as \(2, 3\)"),
     (Pnlss(terms="x1^2"), "terms = 'x1\\^2'; give a list"),
-    (Fixed(terms="y(k-1)"), "give a list"),
     *(
         (make(wrong), rf"{name} = .*; give a list of terms, as")
         for wrong in (iter(["y(k-1)"]), 1.0, [1.0], {"y": [None]}, [["y(k-1)"]], RECORD)
@@ -108,9 +110,7 @@ ARGUMENTS = [
     (Narmax(Frols(max_terms=0)), "max_terms"),
     (Narmax(Frols(), noise_lags=0), "no lag"),
     (Narmax(Frols(), noise_lags=[0]), "at least 1"),
-    (Narmax(Frols(), noise_degree=0), "noise_degree"),
     (Narmax(Frols(), criterion="press"), "known are ebic"),
-    (Narmax(Frols(), tolerance=0.0), "tolerance"),
     (Narmax(Frols(), noise_terms="e(k-1)"), "list of terms"),
     (Narmax(Frols(), noise_terms=["u(k-1)"]), "its own output"),
     (Narmax(Frols(), noise_terms=["e2(k-1)"]), "its own output"),
@@ -200,18 +200,48 @@ def test_an_estimator_says_where_to_find_what_its_model_has():
         (lambda: Bayesian(precision=np.inf), "precision = inf; it must be positive and finite"),
         (lambda: Bayesian(priors=1.0), r"priors = 1.0; give Priors\(\)"),
         (lambda: hold_out(RECORD, None), "share must be real numbers"),
+        (lambda: decimate(RECORD, 0), "factor = 0"),
+        (lambda: decimate(SHORT, 5), "too few to decimate by 5"),
+        (lambda: choose_sampling(of(ONES, ONES)), "constant"),
+        (lambda: choose_sampling(SHORT, n_lags=20), "n_lags = 20"),
+        (lambda: choose_sampling(of(ONES, np.ones((2, 50)))), "one output"),
+        (lambda: choose_sections(RECORD, n_segments=5), "at least 10 segments"),
+        (lambda: choose_sections(RECORD.section(0, 100)), "at least 8 samples"),
+        (lambda: choose_sections(RECORD, level=1.0), "level"),
+        (lambda: choose_sections(of(np.ones(400), np.ones(400))), "constant"),
+        (lambda: inspect_recordings(RECORD.section(0, 150)), "too few to look at"),
+        (lambda: inspect_recordings(RECORD, level=0.0), "level"),
+        (lambda: choose_orders(Frols(), RECORD, RECORD, output_lags=()), "grid is empty"),
+        (lambda: choose_orders(Frols(), RECORD, SHORT, output_lags=(2, 12)), "shorter than the 32 samples"),
+        (lambda: estimate_dead_time(RECORD, max_dead_time=0), "max_dead_time = 0"),
+        (lambda: estimate_dead_time(RECORD, output=1), "to one of the outputs"),
+        (lambda: estimate_dead_time([RECORD, of(LINE, LINE)]), "same inputs"),
+        (lambda: estimate_dead_time(of(LINE, ONES)), "constant"),
+        (lambda: validate(_model(), SHORT), r"19 samples after the model's lags are too few .* over 25 lags need 100"),
+        (lambda: validate(_model(), RECORD).test("e(ue)"), r'did you mean "e\(eu\)"'),
+        (lambda: validate(_model(), of(np.ones(300), np.ones(300))), "sample time"),
+        (lambda: refine(made({"y(k-1)": 0.5, "e(k-1)": 0.2}), RECORD), "without noise terms"),
+        (lambda: refine(made({"y(k-1)": 3.0, "u(k-1)": 1.0}), RECORD), "diverges at"),
+        (lambda: made({"y(k-1)u(k)": 1.0, "u(k)y(k-1)": 1.0}), "only once"),
+        (lambda: made({"y(k-1)": 1.0}, theta_cov=np.eye(2)), "theta_cov"),
+        (lambda: made({"y(k-1)": np.nan}), "finite"),
+        (lambda: made(["y(k-1)"]), "terms are given as a list; give a mapping"),
         (lambda: validate(_model(), RECORD, max_lag=2.5), "max_lag = 2.5; it must be an integer of at least 1"),
         (lambda: validate(_model(), RECORD, level="a"), "level must be real numbers; got text"),
         (lambda: refine(_model(), RECORD, max_steps=2.5), "max_steps = 2.5; it must be an integer of at least 1"),
         (lambda: refine(_model(), RECORD, tolerance=0.0), "tolerance = 0.0; it must be positive"),
-        (
-            lambda: free_run_band(_model(), RECORD, np.random.default_rng(0), n_draws=1e3),
-            "n_draws = 1000.0; it must be",
+        *(
+            (lambda wrong=wrong: free_run_band(_model(), RECORD, np.random.default_rng(0), **wrong), says)
+            for wrong, says in (
+                ({"n_draws": 1e3}, "n_draws = 1000.0; it must be"),
+                ({"n_draws": 1}, "n_draws = 1; it must be"),
+                ({"level": 1.2}, "level = 1.2"),
+                ({"output_noise": "a"}, "output_noise must be real"),
+                ({"output_noise": -1}, "output_noise = -1; it must be a standard deviation of at least 0"),
+            )
         ),
-        (
-            lambda: free_run_band(_model(), RECORD, np.random.default_rng(0), output_noise="a"),
-            "output_noise must be real",
-        ),
+        (lambda: ThetaPosterior(model=_model()).interval(95), "level = 95"),
+        (lambda: ThetaPosterior(model=SvbNarx()), "a SvbNarx is not a NarxModel"),
     ],
 )
 def test_functions_say_what_they_take(use, says):

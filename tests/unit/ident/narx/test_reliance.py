@@ -28,7 +28,7 @@ def test_the_interval_of_the_gain_error_holds_the_truth() -> None:
     # 200 recordings, 95 % intervals: fewer than 180 by chance has a probability of 0.2 %
     held = 0
     for seed in range(200):
-        found = assess_reliance(MODEL, [recorded(seed, factor=1.15)])
+        found = assess_reliance(MODEL, [recorded(seed, factor=1.15, samples=600)])
         assert found is not None and found.gain_error is not None and found.gain_error_half_width is not None
         held += abs(found.gain_error - 0.15) <= found.gain_error_half_width
     assert held >= 180

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter
 
 from deatwin.ident.narx.long_arx import answer_chance
 from deatwin.ident.narx.repeats import period_of, periods_apart, whole_period_of
@@ -43,6 +43,17 @@ def test_odd_distortion_of_a_periodic_input_is_no_loop(kind):
         y = distorted(rng, u)
         seen += chance(u + 0.01 * rng.normal(size=u.size) * (kind == "read with noise"), y) < LOOP
     assert seen <= (0 if kind == "exact" else 1)
+
+
+def test_holds_of_equal_length_under_which_the_output_rings_are_no_loop():
+    """A tenth of critical damping at 4 Hz, holds of 0.25 s: the ringing tells when the next one begins. At most 1 of 20."""
+    w, suspected = 2 * np.pi * 4.0, 0
+    (b,), a, _ = cont2discrete(([w**2], [1.0, 0.2 * w, w**2]), STEP)
+    for seed in range(20):
+        rng = np.random.default_rng([seed, 5])
+        u = np.repeat(rng.uniform(0.0, 3.0, 160), 25)
+        suspected += chance(u, lfilter(b, a, u**2) + 0.02 * rng.normal(size=u.size)) < LOOP
+    assert suspected <= 1
 
 
 @pytest.mark.parametrize("late", [0, 1])  # samples after which the controller answers

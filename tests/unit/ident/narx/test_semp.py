@@ -70,7 +70,7 @@ def published_search(terms, u, y, first, steps):
 
 def test_with_no_tests_it_is_the_published_search_one_candidate_at_a_time():
     for name, seed in (("S1", 3), ("S4", 0), ("S6", 1)):
-        recording = draw(name, seed, 150)
+        recording = draw(name, seed, 80)
         semp = Semp(output_lags=2, input_lags=2, degree=2, max_terms=4, **PUBLISHED).fit(recording)
         terms = Regression.of(recording, output_lags=2, input_lags=2, degree=2).table.terms
         expected = published_search(terms, recording.inputs[0], recording.outputs[0], 2, 12)

@@ -3,20 +3,10 @@
 from itertools import combinations
 
 import numpy as np
-import pytest
 from made_regressions import regression
 
 from deatwin.ident.narx.bayes import Statistics
 from deatwin.ident.narx.spike_slab import SpikeSlab, sample_structures
-
-
-def test_flips_change_the_evidence_as_its_formula_says() -> None:
-    rows, target = regression(0)
-    posterior = spike_slab(rows, target)
-    for terms in (frozenset(), frozenset({0, 2}), frozenset(range(8))):
-        own = posterior.log_evidence(terms)
-        expected = [posterior.log_evidence(terms ^ {j}) - own for j in range(8)]
-        np.testing.assert_allclose(posterior.flip_gains(terms), expected, atol=1e-10)
 
 
 def test_evidence_is_that_of_a_gaussian_process() -> None:
@@ -37,8 +27,7 @@ def test_evidence_is_that_of_a_gaussian_process() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
-@pytest.mark.parametrize("start", [frozenset(), frozenset({1, 3, 4, 6, 7})])
-def test_the_sampler_agrees_with_enumeration(start: frozenset[int]) -> None:
+def test_the_sampler_agrees_with_enumeration() -> None:
     # 256 sets; 20,000 flips of which about every tenth is independent leave an error of 0.01 at most, three allowed.
     rows, target = regression(0)
     posterior = spike_slab(rows, target)
@@ -47,7 +36,7 @@ def test_the_sampler_agrees_with_enumeration(start: frozenset[int]) -> None:
     weights = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
     expected = [sum(w for w, terms in zip(weights, sets, strict=True) if j in terms) for j in range(8)]
     rng = np.random.default_rng(5)
-    found = sample_structures(posterior, rng, flips=20_000, burn_in=200, start=start)
+    found = sample_structures(posterior, rng, flips=20_000, burn_in=200, start=frozenset({1, 3, 4, 6, 7}))
     np.testing.assert_allclose(found.inclusion, expected, atol=0.03)
     assert found.median == {0, 2}
     # Means over structures: that of a set is (Phi'Phi + slab)^-1 Phi'y, here through the inverse.

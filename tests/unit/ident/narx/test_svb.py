@@ -10,7 +10,7 @@ from scipy.special import gammaln
 from stopping import StopAt, interrupted
 
 from deatwin.ident.narx import SvbNarx, svb
-from deatwin.ident.narx.bayes import Priors, Statistics, fit_relevance, invert_triangle, posterior
+from deatwin.ident.narx.bayes import Priors, Statistics, fit_relevance, posterior
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -43,16 +43,6 @@ def test_with_relevances_held_the_posterior_is_the_closed_form():
     assert q.b == pytest.approx(0.4 + 0.5 * y @ np.linalg.solve(marginal, y), rel=1e-10)
     assert q.log_det == pytest.approx(np.linalg.slogdet(v)[1], rel=1e-10)
     np.testing.assert_allclose(q.covariance, v * q.b / (q.a - 1), rtol=1e-9, atol=1e-10)
-
-
-@pytest.mark.parametrize("n", [1, 64, 65, 131, 200])
-def test_a_triangle_is_inverted_in_place(n):
-    lower = np.tril(np.random.default_rng(n).normal(size=(n, n))) + 3 * math.sqrt(n) * np.eye(n)
-    inverse = np.array(lower, order="F")
-    invert_triangle(inverse)
-    # condition number below 100
-    np.testing.assert_allclose(inverse @ lower, np.eye(n), atol=1e-13)
-    assert not np.triu(inverse, 1).any()
 
 
 def test_the_bound_lies_just_below_the_evidence():
@@ -111,21 +101,14 @@ def test_each_step_starts_afresh():
 
 
 def test_the_clean_up_can_be_left_out():
-    """Pure noise beside the signal: of 20 recordings the bound keeps false terms in some, the clean-up in hardly any.
-
-    A false term is kept where its |t| exceeds about 3.8, one in 1e-4 of 158 candidates: in 2 % of recordings.
-    """
-    truth = {"y(k-1)", "u(k-2)", "y(k-1)u(k-1)"}
-    exact = 0
-    for seed in range(20):
+    """How often either finds exactly the true terms is in tests/validation/test_hit_rates.py."""
+    for seed in range(3):
         recording = bilinear(seed=seed)
         plain = SvbNarx(output_lags=4, input_lags=4, degree=3, clean_up="none").fit(recording)
         clean = SvbNarx(output_lags=4, input_lags=4, degree=3).fit(recording)
         assert plain.status_ is clean.status_ is FitStatus.DONE
         assert [step.terms for step in clean.path_] == [step.terms for step in plain.path_]
-        assert truth <= {str(term) for term in plain.terms_}
-        exact += {str(term) for term in clean.terms_} == truth
-    assert exact >= 18
+        assert {str(t) for t in plain.terms_} >= {str(t) for t in clean.terms_} == {"y(k-1)", "u(k-2)", "y(k-1)u(k-1)"}
 
 
 def test_candidates_that_are_zero_take_no_part():
@@ -154,23 +137,6 @@ def test_an_interrupt_before_anything_is_found_goes_on(monkeypatch):
     monkeypatch.setattr(svb, "fit_relevance", interrupted)
     with pytest.raises(KeyboardInterrupt):
         SvbNarx().fit(bilinear())
-
-
-def test_several_recordings_count_each_with_its_own_lags():
-    """Their regressors stacked by hand, and the closed form of the posterior at the relevances found."""
-    recordings = [bilinear(200, seed=1), bilinear(150, seed=2)]
-    svb = SvbNarx().fit(recordings)
-    model = svb.model_
-    rows = [model.table.rows(r.inputs, r.outputs, 2, r.n_samples) for r in recordings]
-    phi, y = np.concatenate(rows, axis=1).T, np.concatenate([r.outputs[0, 2:] for r in recordings])
-    assert phi.shape[0] == 198 + 148 and model.theta_dof == pytest.approx(346 + 0.02)
-    assert {str(term) for term in model.terms} == {"y(k-1)", "u(k-2)", "y(k-1)u(k-1)"}
-    theta, residual, *_ = np.linalg.lstsq(phi, y)
-    # the prior weighs E[alpha] < 1 of 346 samples
-    np.testing.assert_allclose(model.theta, theta, rtol=2e-3)
-    np.testing.assert_allclose(model.noise_variance, residual[0] / 346, rtol=0.05)
-    # b0 = 1e-4 of the scaled noise adds a few per cent
-    np.testing.assert_allclose(model.theta_cov, residual[0] / 343 * np.linalg.inv(phi.T @ phi), rtol=0.05, atol=1e-8)
 
 
 def test_pictures_mark_the_choice():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from deatwin.ident.narx import NarxModel, Validation, ValidationStatus, validate
+from deatwin.ident.narx import NarxModel, ValidationStatus, validate
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.linear import OutputError
 from deatwin.ident.narx.unstable import poles_at
@@ -37,14 +37,6 @@ def test_the_unstable_pole_is_named_and_the_model_judged_ahead():
 def test_a_pole_at_one_but_for_rounding_is_not_unstable(terms):
     model = NarxModel.from_terms({**terms, "u(k-1)": 1.0}, sample_time=0.1)
     assert validate(model, looped()).unstable is None
-
-
-def test_it_is_kept_in_the_file(tmp_path):
-    model = NarxModel.from_terms({"y(k-1)": 1.1, "u(k-1)": 1.0}, sample_time=0.1)
-    found = validate(model, looped())
-    found.save(tmp_path / "validation.json")
-    again = Validation.load(tmp_path / "validation.json")
-    assert again.to_json() == found.to_json() and again.unstable.pole == found.unstable.pole
 
 
 def test_a_pole_within_its_uncertainty_of_the_circle_is_not_called_unstable():

@@ -1,16 +1,16 @@
 """Validation: formulas against direct sums, levels and power of the tests against theory, the verdict and its file."""
 
-import json
 import math
-from importlib.resources import files
 
 import numpy as np
 import pytest
 from nile import NILE
+from scipy.signal import lfilter
+from scipy.stats import binom
 
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.residual_tests import correlation, correlation_tests, whiteness_of
-from deatwin.ident.narx.validate import Validation, ValidationStatus, validate
+from deatwin.ident.narx.validate import ValidationStatus, validate
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -21,18 +21,14 @@ TRUE = {"y(k-1)": 0.5, "u(k-1)": 1.0}
 def record(seed, n=1000, extra=None, noise=None, start=0.0):
     """y(k) = 0.5 y(k-1) + u(k-1) + extra(u, k) + noise(e, u, k), u uniform in ±1, e normal with std 0.1."""
     rng = np.random.default_rng(seed)
-    u, e, y = rng.uniform(-1, 1, n + 1), 0.1 * rng.normal(size=n + 1), np.zeros(n + 1)
-    for k in range(2, n + 1):
-        y[k] = 0.5 * y[k - 1] + u[k - 1] + (extra(u, k) if extra else 0.0) + (noise(e, u, k) if noise else e[k])
-    return Recording.from_arrays(u[1:], y[1:], 0.1, start=start)
+    u, e, k = rng.uniform(-1, 1, n + 1), 0.1 * rng.normal(size=n + 1), np.arange(2, n + 1)
+    drive = u[k - 1] + (extra(u, k) if extra else 0.0) + (noise(e, u, k) if noise else e[k])
+    return Recording.from_arrays(u[1:], np.append(0.0, lfilter([1.0], [1.0, -0.5], drive)), 0.1, start=start)
 
 
 def coloured(rng, n, pole):
     """A first-order process of unit variance, past its start."""
-    x, drive = np.zeros(n + 200), np.sqrt(1 - pole**2) * rng.normal(size=n + 200)
-    for k in range(1, n + 200):
-        x[k] = pole * x[k - 1] + drive[k]
-    return x[200:]
+    return lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], rng.normal(size=n + 200))[200:]
 
 
 def model():
@@ -93,14 +89,12 @@ def test_the_five_tests_are_those_of_their_definition():
 
 @pytest.mark.parametrize(
     ("pole_u", "pole_e", "names"),
-    [(0.0, 0.0, NAMES), (0.95, 0.0, NAMES), (0.95, 0.6, ("ue", "(u2)'e", "(u2)'e2"))],
-    ids=["white", "slow input", "slow input, coloured residual"],
+    [(0.95, 0.0, NAMES), (0.95, 0.6, ("ue", "(u2)'e", "(u2)'e2"))],
+    ids=["slow input", "slow input, coloured residual"],
 )
 def test_level_when_nothing_is_left(pole_u, pole_e, names):
     # Each test rejects by the sum of squares or by the largest correlation, each at half the level: between 2.5 %,
     # where one of the two never does, and 5 %. 400 draws, with the 0.1 % points of the binomial law of the two ends.
-    from scipy.stats import binom
-
     rng, rejected, outside = np.random.default_rng(7), dict.fromkeys(NAMES, 0), dict.fromkeys(NAMES, 0.0)
     for _ in range(400):
         u, e = coloured(rng, 500, pole_u), coloured(rng, 500, pole_e)
@@ -115,16 +109,13 @@ def test_level_when_nothing_is_left(pole_u, pole_e, names):
         assert all(abs(outside[name] - 0.048) < 0.02 for name in names), outside
 
 
-@pytest.mark.parametrize("of_input", [False, True], ids=["residual", "residual and input"])
-@pytest.mark.parametrize("law", ["laplace", "t5", "bursts"])
+@pytest.mark.parametrize(("law", "of_input"), [("bursts", False), ("bursts", True), ("t5", True)])
 def test_the_level_of_the_squares_holds_with_outliers(law, of_input):
     # Independent signals, so each test may fail in at most 5 % of 400 draws; 0.1 % point of the binomial law.
-    from scipy.stats import binom
-
     def heavy(rng):
         if law == "bursts":  # one sample in twenty is ten times larger
             return rng.normal(size=300) * np.where(rng.random(300) < 0.05, 10.0, 1.0)
-        return rng.laplace(size=300) if law == "laplace" else rng.standard_t(5, size=300)
+        return rng.standard_t(5, size=300)
 
     rng, rejected = np.random.default_rng(21), 0
     for _ in range(400):
@@ -136,8 +127,6 @@ def test_the_level_of_the_squares_holds_with_outliers(law, of_input):
 
 def test_the_verdict_on_a_right_model():
     # The chance that no test fails at 0.05 / 5 is at least 95 %; 100 draws, 0.1 % point.
-    from scipy.stats import binom
-
     found = [validate(model(), record(seed, n=400)).status for seed in range(100)]
     assert found.count(ValidationStatus.PASSED) >= binom.ppf(0.001, 100, 0.95)
 
@@ -157,23 +146,11 @@ def test_each_test_reveals_its_defect(defect, reveals, silent, status):
     # The correlation that each defect makes is at least 0.2 by its moments, 6.3 standard deviations at 1000 samples:
     # each of 20 draws is found with a chance above 99.8 %. Tests to which it is orthogonal keep their level; 0.1 %
     # point.
-    from scipy.stats import binom
-
     found = [validate(model(), record(100 + seed, **defect)) for seed in range(20)]
     assert all(not one.test(reveals).passed for one in found)
     for name in silent:
         assert sum(not one.test(name).passed for one in found) <= binom.ppf(0.999, 20, 0.05), name
     assert sum(one.status is ValidationStatus[status] for one in found) >= binom.ppf(0.001, 20, 0.95)
-
-
-def test_a_slow_input_with_coloured_noise_is_no_missing_structure():
-    rng = np.random.default_rng(11)
-    u, e, y = 0.6 * coloured(rng, 4000, 0.97), coloured(rng, 4000, 0.7), np.zeros(4000)
-    for k in range(1, 4000):
-        y[k] = 0.5 * y[k - 1] + u[k - 1] + 0.1 * e[k]
-    found = validate(model(), Recording.from_arrays(u, y, 0.1))
-    assert found.status is ValidationStatus.NOISE and not found.test("ee").passed
-    assert found.test("ue").share_outside > 0.15  # most would call this a failure
 
 
 def test_fit_measures_over_several_recordings():
@@ -240,19 +217,6 @@ def test_several_inputs_and_outputs():
     assert "phi ue (output1, input2)" in str(found)
 
 
-def test_the_file_keeps_every_digit_and_follows_its_schema(tmp_path):
-    jsonschema = pytest.importorskip("jsonschema")
-    schema = json.loads((files("deatwin.ident") / "schemas" / "validation.schema.json").read_text(encoding="utf-8"))
-    unstable = NarxModel.from_terms({"y(k-1)": 1.0, "y(k-1)^3": 1.0, "u(k-1)": 1.0}, sample_time=0.1)
-    for one in (model(), unstable):
-        found = validate(one, record(12))
-        found.save(tmp_path / "validation.json")
-        document = json.loads((tmp_path / "validation.json").read_text(encoding="utf-8"))
-        jsonschema.Draft202012Validator(schema).validate(document)
-        again = Validation.load(tmp_path / "validation.json")
-        assert again.to_json() == found.to_json() and str(again) == str(found) and again.status is found.status
-
-
 def test_the_plot_shows_five_panels_with_bands():
     found = validate(model(), record(13))
     axes = found.plot()
@@ -265,12 +229,3 @@ def test_the_plot_shows_five_panels_with_bands():
         assert ax.get_ylabel().startswith(r"$\phi") and f"p = {test.p_value:.2g}" in ax.get_title(loc="right")
     with pytest.raises(ModelError, match="5 panels need as many axes"):
         found.plot(list(axes[:3]))
-
-
-def test_what_cannot_be_is_said():
-    with pytest.raises(ModelError, match=r"99 samples after the model's lags are too few .* over 25 lags need 100"):
-        validate(model(), record(14, n=100))
-    with pytest.raises(ModelError, match=r'did you mean "e\(eu\)"'):
-        validate(model(), record(14)).test("e(ue)")
-    with pytest.raises(ModelError, match="sample time"):
-        validate(model(), Recording.from_arrays(np.ones(300), np.ones(300), 0.2))

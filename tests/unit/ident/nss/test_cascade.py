@@ -92,7 +92,7 @@ def test_a_static_function_may_be_a_spline():
 
 def test_a_function_with_the_letter_of_the_signal_in_its_name_keeps_its_name():
     register_function("overbent", np.tanh)
-    u = np.random.default_rng(3).normal(size=400)
+    u = np.random.default_rng(3).normal(size=200)
     y = np.tanh(lfilter([0.5], [1.0, -0.6], u))
     fitted = Cascade(structure="LN", states=1, shape=["overbent(v)"]).fit(Recording.from_arrays(u, y, 0.1))
     assert "overbent(s1)" in fitted.model_.terms
