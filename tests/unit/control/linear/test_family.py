@@ -17,13 +17,13 @@ POINTS = np.linspace(1.4, 3.2, 4)
 
 @pytest.fixture(scope="module")
 def family(model) -> tuple[np.ndarray, LinearFamily]:
-    thetas = draw_theta(model, np.random.default_rng(1), 30)
+    thetas = draw_theta(model, np.random.default_rng(1), 8)
     return thetas, linearise_many(model, POINTS, thetas)
 
 
 def test_each_member_is_the_model_of_its_parameters_linearised_alone(model, family):
     thetas, many = family
-    assert (many.n_points, many.n_samples) == (4, 30)
+    assert (many.n_points, many.n_samples) == (4, 8)
     for i, point in enumerate(POINTS):
         for k, theta in enumerate(thetas):
             one, member = linearise(replace(model, theta=theta), point), many.at(i, k)

@@ -133,7 +133,7 @@ def test_draws_differ_by_the_posterior():
 def test_the_band_holds_95_percent_of_fresh_draws_at_all_samples(draws):
     """Several bands, each with fresh draws: the share of those inside as a whole is 95 % on the average."""
     model = NarxModel.from_terms({"y(k-1)": 0.7, "u(k)": 0.3}, sample_time=H, theta_cov=1e-4 * np.eye(2))
-    reference, residual = step_reference(0.2, 0.3, 60, rise=5), Residual(rms=0.02, correlation_time=0.1)
+    reference, residual = step_reference(0.2, 0.3, 20, rise=5), Residual(rms=0.02, correlation_time=0.1)
     bands, fresh, held = 40, 200, []
     for seed in range(bands):
         band = predicted(model, AT_END, reference, residual=residual, noise=0.01, draws=draws, seed=seed)
