@@ -230,6 +230,21 @@ SENSELESS = [
         ("SineResponse", {"values": np.ones(shape)}, r"values of a response have the shape \(.*\): it must be \(2, 3\)")
         for shape in ((3, 2), 6)
     ),
+    *(("step_reference", {"plateau": p, "rise": r}, "shorter") for p, r in ((5, 5), (5, 9), (1, 1))),
+    ("sine_reference", {"frequency_Hz": 5.0}, "below half the sampling rate, 5 Hz"),
+    ("tone_reference", {"frequencies_Hz": [0.2, 6.0]}, "below half the sampling rate, 5 Hz"),
+    *(
+        ("limit_cycles", given, "increasing positive")
+        for given in ({"amplitudes": [1.0]}, {"amplitudes": [0.0, 1.0]}, {"omegas": [2.0, 1.0]}, {"omegas": [1, 400]})
+    ),
+    (
+        "limit_cycles",
+        {"describing_function": lambda amplitude, omega: np.ones(5), "omegas": [1.0, 2.0, 3.0]},
+        r"broadcast, here \(2, 3\); it returned \(5,\)",
+    ),
+    ("margins", {"numerators": [[0.0, np.nan]], "denominators": [1.0, -0.5]}, "loop 0 is not finite"),
+    ("margins", {"numerators": [0.0, 1.0], "denominators": [[1.0, 0.0], [0.0, 0.0]]}, "loop 1 is zero"),
+    ("margins", {"sample_time": 0.0}, "sample_time"),
     *(
         ("sine_response", given, "increasing positive numbers")
         for given in (

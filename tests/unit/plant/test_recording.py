@@ -82,13 +82,6 @@ class TestRecording:
         copy = pickle.loads(pickle.dumps(ramp()))
         np.testing.assert_array_equal(copy.outputs, ramp().outputs)
 
-    def test_repr_is_three_lines(self) -> None:
-        assert repr(ramp()).splitlines() == [
-            "<Recording: 100 samples, every 0.02 s",
-            "  clock 0 to 2 s",
-            "  command [V], displacement [m]>",
-        ]
-
 
 class TestExperiment:
     def test_puts_recordings_in_order_of_the_clock(self) -> None:

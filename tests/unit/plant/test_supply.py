@@ -96,9 +96,3 @@ def test_a_rig_file_describes_it_and_a_model_keeps_it(tmp_path: Path) -> None:
     write_text_atomic(tmp_path / "own.toml", own.replace("[drive]\n", "[drive]\ncurrent_limit_uA = 200\n"))
     with pytest.raises(RigError, match="current_limit_uA: the input of this rig is the voltage on the film"):
         load_plant(tmp_path / "own.toml")
-
-
-def test_what_cannot_be_is_refused() -> None:
-    for wrong in ({"current_limit": 0.0}, {"series_resistance": -1.0}, {"sink_current": float("nan")}):
-        with pytest.raises(RigError, match="of the supply is"):
-            Supply(**wrong)

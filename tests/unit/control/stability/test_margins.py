@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from deatwin.control.errors import ControlError
 from deatwin.control.stability.circle import search
 from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
@@ -234,16 +233,3 @@ def test_stability_agrees_with_the_roots_near_the_unit_circle():
     # As closed loops: the numerator is what the denominator lacks.
     found = margins(polynomials - [1.0, 0, 0, 0, 0, 0, 0], [1.0], H)
     assert found.stable.tolist() == expected
-
-
-@pytest.mark.parametrize(
-    ("top", "bottom", "sample_time", "text"),
-    [
-        ([[0.0, np.nan]], [1.0, -0.5], H, "loop 0 is not finite"),
-        ([[0.0, 1.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]], H, "loop 1 is zero"),
-        ([0.0, 1.0], [1.0, -0.5], 0.0, "sample_time"),
-    ],
-)
-def test_what_is_no_loop_is_refused(top, bottom, sample_time, text):
-    with pytest.raises(ControlError, match=text):
-        margins(top, bottom, sample_time)

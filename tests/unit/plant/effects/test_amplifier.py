@@ -125,9 +125,9 @@ def test_a_delay_outside_of_its_range_is_the_nearest_to_first_order():
 
 
 FILM = Plant(rig=Diaphragm())
-STAIRS = np.repeat(np.random.default_rng(3).uniform(1.2, 3.2, 8), 25)
-FROM_ZERO = np.repeat(np.resize([0.0, 3.0], 8), 25)
-REVERSALS = STAIRS * np.repeat(np.resize([1.0, -1.0], 8), 25)
+STAIRS = np.repeat(np.random.default_rng(3).uniform(1.2, 3.2, 8), 12)
+FROM_ZERO = np.repeat(np.resize([0.0, 3.0], 8), 12)
+REVERSALS = STAIRS * np.repeat(np.resize([1.0, -1.0], 8), 12)
 
 
 def film(plant, commands, sample_time=0.02):
@@ -168,7 +168,7 @@ def test_the_clock_runs_as_it_does_in_shorter_samples_beside_a_delay(quarters):
     assert np.abs(exact - shifted_by_quarters(FILM, STAIRS, quarters)).max() > 1e3 * FOLLOWED  # it does shake
 
 
-@pytest.mark.parametrize("time", [0.0, 0.015, 0.02])
+@pytest.mark.parametrize("time", [0.0, 0.015])
 def test_beside_a_delay_a_lag_of_no_time_is_none(time):
     late = FILM.with_effects(Delay(time=time))
     lags = ElectrodeRC(time=0.0), SensorLag(time=0.0)

@@ -72,7 +72,7 @@ def charged(experiment, commands, effects=(), supply=None):
     return watched["film_voltage"], watched["capacitance"]
 
 
-@pytest.mark.parametrize("film_share", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("film_share", [0.0, 1.0])
 def test_a_lost_part_takes_its_charge_along(experiment, film_share):
     volts, capacitance = charged(experiment, np.full(60, 2.5), (ElectrodeRC(time=0.5, film_share=film_share),))
     assert capacitance[59] == pytest.approx(capacitance[40] / 2, rel=0.01)
