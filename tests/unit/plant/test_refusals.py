@@ -199,6 +199,14 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
     (lambda: resample(still(), "a"), "sample_time must be one number"),
     (lambda: resample(still(), H, timepts="a"), "timepts must be an array of real numbers"),
     (lambda: quantise([1.0], -0.1), "at least 0"),
+    *(
+        (lambda commands=commands: actuation_curve(Plant(rig=Planar()), commands), says)
+        for says, several in (
+            ("rise from 0", ([1.0, 0.5], [-1.0, 0.0])),
+            ("need one row of at least one finite number", ([], 2.0, [0.0, np.nan], [0.0, np.inf], [[0.0, 1.0]])),
+        )
+        for commands in several
+    ),
     (lambda: random_phase_multisine(RNG, 5.0, H, [1], 0.1, amplitudes=["a"]), "amplitudes must be an array of real"),
     (lambda: Experiment(recordings=(ramp(), ramp(start=1.5))), "overlap between 1.5 s and 2 s.*--experiment"),
     (lambda: Experiment(recordings=(ramp(), ramp(9.0, 0.01))), "sample times 0.02 s and 0.01 s"),

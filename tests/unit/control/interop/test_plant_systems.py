@@ -65,10 +65,6 @@ def test_it_is_named_as_the_rig_is(plant):
     assert system.nstates == equations.scale.size + equations.history
 
 
-def test_zeros_are_the_rest_at_which_experiments_start(plant):
-    np.testing.assert_allclose(rest_state_of(plant, 0.0), np.zeros(to_nlsys(plant).nstates), atol=1e-12)
-
-
 @pytest.mark.parametrize("effects", KINDS.values(), ids=KINDS)
 def test_at_rest_it_stays(plant, effects):
     actuator = plant.with_effects(*effects)

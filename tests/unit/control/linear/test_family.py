@@ -49,12 +49,6 @@ def test_the_loop_sees_each_member_as_it_sees_the_model_alone(family):
     assert seen.in_loop(ReadingTime.START_OF_HOLD) is seen
 
 
-def test_without_parameters_it_is_the_model_itself(model):
-    only = linearise_many(model, [2.0])
-    expected = linearise(model, 2.0)
-    np.testing.assert_allclose(only.at(0, 0).numerator, expected.numerator, rtol=1e-10, atol=1e-15)
-
-
 def test_a_cubic_spring_keeps_to_its_branch():
     # y = y + 0.1 (u + y - y^3): three equilibria below |u| = 0.385, the outer ones stable; the data are at the upper.
     terms = {"y(k-1)": 1.1, "y(k-1)^3": -0.1, "u(k-1)": 0.1}
