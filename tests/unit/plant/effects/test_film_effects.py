@@ -8,7 +8,7 @@ import pytest
 from runs import readings as play
 from scipy.special import erf
 
-from deatwin.plant import BlockedPlanar, Coupon, Diaphragm, Experiment, Planar, Plant, Recording, Roll
+from deatwin.plant import BlockedPlanar, Coupon, Diaphragm, Planar, Plant, Roll
 from deatwin.plant.actuation import actuation_curve
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.mullins import Mullins
@@ -196,9 +196,8 @@ def test_a_strip_follows_the_swing_of_a_room_that_nobody_measured():
 
 def test_a_strip_follows_the_thermometer_where_there_is_one():
     temperature = 295.0 + np.linspace(0, 4, 300)
-    record = Recording.from_arrays(np.full(300, 2.0), np.zeros(300), SAMPLE, extras={"temperature": temperature})
     plant = Plant(rig=STRIP, effects=(ThermalStiffness(change_per_kelvin=0.02),))
-    force = plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
+    force = play(plant, np.full(300, 2.0), temperature=temperature)
     np.testing.assert_allclose(force, gent_force(2.0) * (1 + 0.02 * (temperature - 293.15)), rtol=1e-12)
 
 
