@@ -1,69 +1,43 @@
 """Sensitivities by the parameters of the catalogue's effects on the diaphragm, against differences of simulations."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from slopes import slope_errors
 
-from deatwin.plant import Diaphragm, Effect, Plant, catalogue
-from deatwin.plant.effects.amplifier_offset import AmplifierOffset
-from deatwin.plant.effects.amplifier_saturation import AmplifierSaturation
-from deatwin.plant.effects.amplifier_slew import AmplifierSlew
-from deatwin.plant.effects.charge_injection import ChargeInjection
-from deatwin.plant.effects.coulomb_friction import CoulombFriction
-from deatwin.plant.effects.creep import Creep
-from deatwin.plant.effects.cubic_stiffness import CubicStiffness
-from deatwin.plant.effects.delay import Delay
-from deatwin.plant.effects.dielectric_absorption import DielectricAbsorption
-from deatwin.plant.effects.electrode_loss import ElectrodeLoss
-from deatwin.plant.effects.electrode_rc import ElectrodeRC
-from deatwin.plant.effects.end_stop import EndStop
-from deatwin.plant.effects.hysteresis import Hysteresis
-from deatwin.plant.effects.leakage import Leakage
-from deatwin.plant.effects.mullins import Mullins
-from deatwin.plant.effects.periodic_disturbance import PeriodicDisturbance
-from deatwin.plant.effects.permittivity_drift import PermittivityDrift
-from deatwin.plant.effects.permittivity_stretch import PermittivityStretch
-from deatwin.plant.effects.prestretch_relaxation import PrestretchRelaxation
-from deatwin.plant.effects.quadratic_damping import QuadraticDamping
-from deatwin.plant.effects.resonance import Resonance
-from deatwin.plant.effects.sensor_curvature import SensorCurvature
-from deatwin.plant.effects.sensor_drift import SensorDrift
-from deatwin.plant.effects.sensor_jump import SensorJump
-from deatwin.plant.effects.sensor_lag import SensorLag
-from deatwin.plant.effects.sensor_saturation import SensorSaturation
-from deatwin.plant.effects.strain_stiffening import StrainStiffening
-from deatwin.plant.effects.thermal_stiffness import ThermalStiffness
+from deatwin.plant import Diaphragm, Effect, Plant, catalogue, effect_named
 from deatwin.plant.excitation import band_limited_noise
 
-SMOOTH = (
-    CubicStiffness(),
-    PeriodicDisturbance(),
-    PermittivityStretch(),
-    PrestretchRelaxation(time=20.0),
-    QuadraticDamping(),
-    Resonance(mass=2e-3),
-    StrainStiffening(),
-    ThermalStiffness(period=20.0),
+
+def named(*names: str, **changed: dict[str, Any]) -> tuple[Effect, ...]:
+    return tuple(replace(effect_named(name), **changed.get(name, {})) for name in (*names, *changed))
+
+
+SMOOTH = named(
+    *("cubic_stiffness", "periodic_disturbance", "permittivity_stretch", "quadratic_damping", "strain_stiffening"),
+    prestretch_relaxation={"time": 20.0},
+    resonance={"mass": 2e-3},
+    thermal_stiffness={"period": 20.0},
 )
 """Functions of state and time without corners."""
-FIRST = (Creep(), PermittivityDrift(), ElectrodeRC(), Hysteresis())
-ELECTRICAL = (
-    AmplifierOffset(),
-    AmplifierSaturation(limit=2.2e3),
-    AmplifierSlew(),
-    ChargeInjection(time=3.0),
-    Delay(time=0.033),
-    DielectricAbsorption(time=2.0),
-    ElectrodeLoss(at=1.006),
-    ElectrodeRC(),
-    Leakage(),
-    SensorCurvature(),
-    SensorDrift(time=30.0),
-    SensorJump(at=1.506),
-    SensorLag(),
-    SensorSaturation(limit=0.15e-3),
+FIRST = named("creep", "permittivity_drift", "electrode_rc", "hysteresis")
+ELECTRICAL = named(
+    *("amplifier_offset", "amplifier_slew", "electrode_rc", "leakage", "sensor_curvature", "sensor_lag"),
+    amplifier_saturation={"limit": 2.2e3},
+    charge_injection={"time": 3.0},
+    delay={"time": 0.033},
+    dielectric_absorption={"time": 2.0},
+    electrode_loss={"at": 1.006},
+    sensor_drift={"time": 30.0},
+    sensor_jump={"at": 1.506},
+    sensor_saturation={"limit": 0.15e-3},
 )
-CORNERED = [CoulombFriction(), CoulombFriction(slip=1e-6), EndStop(), Hysteresis(beta=0.6), Mullins()]
+CORNERED = (
+    *named("coulomb_friction", "end_stop", "mullins", hysteresis={"beta": 0.6}),
+    *named(coulomb_friction={"slip": 1e-6}),
+)
 """Their corners are rounded, but to widths that a difference must stay below: shorter steps, larger errors."""
 
 
