@@ -66,7 +66,7 @@ def charged(experiment, commands, effects=(), supply=None):
     """Voltage and capacitance of a film whose capacitance has grown to 2.5 of that at rest, and half of which is lost
     after 1 s. It is damped so strongly that it hardly moves in a second.
     """
-    rig = Planar(damping=3e3, gain=1000.0, start_ramp=50.0, start_hold=400.0, supply=supply)
+    rig = Planar(damping=3e3, gain=1000.0, start_ramp=50.0, start_hold=250.0, supply=supply)
     plant = Plant(rig=rig, effects=(*effects, ElectrodeLoss(share=0.5, at=1.01)), values={"branch_modulus": 1.0})
     watched = plant.simulate(experiment(commands)).require().watched[0]
     return watched["film_voltage"], watched["capacitance"]
