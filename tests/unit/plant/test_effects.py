@@ -1,11 +1,11 @@
 """Each effect: that it is visible and described, its signature, and the catalogue."""
 
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 import pytest
 
-from deatwin.plant import Diaphragm, Hysteresis, Plant, RigError, catalogue, effect_named
+from deatwin.plant import Hysteresis, RigError, catalogue, effect_named
 from deatwin.plant.excitation import band_limited_noise
 
 NOISE = band_limited_noise(np.random.default_rng(8), 4.0, 0.02)
@@ -16,13 +16,6 @@ pytestmark = pytest.mark.usefixtures("uncompiled")
 
 def reading(plant, experiment, inputs=NOISE):
     return plant.simulate(experiment(inputs)).require().outputs[0][0]
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
-def test_an_effect_that_is_on_is_seen(effect, base, experiment):
-    seen = replace(effect, **{effect.event: 2.0}) if effect.event else effect
-    difference = reading(base.with_effects(seen), experiment) - reading(base, experiment)
-    assert difference.std() > 1e-8  # 1e4 times what Newton leaves
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
@@ -41,15 +34,6 @@ def test_an_unknown_effect_gets_the_near_one():
         effect_named("hysteresys")
 
 
-def test_creep_after_a_step_goes_one_way(experiment):
-    # Heavily damped, so that what is seen after 1 s is the film and not the ball (A10).
-    plant = Plant(rig=Diaphragm(), values={"damping": 0.5, "branch_modulus": 1.0}).with_effects(effect_named("creep"))
-    step = np.r_[np.zeros(50), np.full(1500, 2.4)]
-    tail = reading(plant, experiment, step)[100:]
-    assert np.all(np.diff(tail) > 0)
-    assert tail[-1] - tail[0] > 1e-6
-
-
 def test_a_loop_of_hysteresis_stays_as_the_frequency_falls(base, experiment):
     plant = base.with_values({"branch_modulus": 1.0})
 
@@ -60,7 +44,7 @@ def test_a_loop_of_hysteresis_stays_as_the_frequency_falls(base, experiment):
         quarter = len(y) // 4
         return abs(y[2 * quarter] - y[0])  # the same command, going down and up
 
-    widths = [width(period, Hysteresis()) for period in (16.0, 64.0)]
-    without = [width(period) for period in (16.0, 64.0)]
+    widths = [width(period, Hysteresis()) for period in (8.0, 32.0)]
+    without = [width(period) for period in (8.0, 32.0)]
     assert widths[1] > 5e-6
     assert (widths[1] - without[1]) / (widths[0] - without[0]) == pytest.approx(1.0, abs=0.1)

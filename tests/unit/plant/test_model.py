@@ -77,31 +77,39 @@ def test_a_description_that_is_wrong_is_refused(base, change, text):
         Plant.from_dict({**base.to_dict(), **change})
 
 
+def of_file(**film):
+    return Diaphragm.from_rig_file(RigFile.from_dict({**SOUND, "film": {**SOUND["film"], **film}}))
+
+
 def test_a_rig_file_is_a_plant():
-    rig = Diaphragm.from_rig_file(RigFile.from_dict(SOUND))
-    assert rig == Diaphragm(contact_radius=3e-3)
-    assert {r.ball for r in rig.rivals()} == {"bonded", "sliding"}
+    assert of_file() == Diaphragm(contact_radius=3e-3)
 
 
-def test_a_rig_file_that_names_the_support_leaves_no_rival():
-    named = {**SOUND, "film": {**SOUND["film"], "ball": "sliding"}}
-    rig = Diaphragm.from_rig_file(RigFile.from_dict(named))
-    assert rig.ball_is_known
-    assert {r.ball for r in (rig, *rig.rivals())} == {"sliding"}
+START, END = ReadingTime.START_OF_HOLD, ReadingTime.END_OF_HOLD
 
 
-def test_a_prestretch_that_is_known_leaves_no_rival():
-    assert {r.prestretch for r in (Diaphragm(), *Diaphragm().rivals())} == {3.5}
-    rig = Diaphragm.from_rig_file(RigFile.from_dict(SOUND))  # a rig file states it
-    assert rig.prestretch_is_known
-
-
-@pytest.mark.parametrize(("given", "other"), [(3.5, 4.5), (4.5, 3.5), (3.7, 4.5), (5.0, 3.5)])
-def test_a_prestretch_that_is_not_known_has_the_farther_one_of_the_thesis_as_rival(given, other):
-    rig = Diaphragm(prestretch=given, prestretch_is_known=False, ball_is_known=True)
-    reading_time, stretched = rig.rivals()
-    assert reading_time == replace(rig, reading=ReadingTime.START_OF_HOLD)
-    assert stretched == replace(rig, prestretch=other)
+@pytest.mark.parametrize(
+    ("rig", "rivals"),
+    [
+        (of_file(), [(START, "sliding", 3.5), (END, "bonded", 3.5)]),
+        (of_file(ball="sliding"), [(START, "sliding", 3.5)]),
+        (Diaphragm(), [(START, "sliding", 3.5), (END, "bonded", 3.5)]),
+        *(  # the farther one of the thesis
+            (
+                Diaphragm(prestretch=given, prestretch_is_known=False, ball_is_known=True),
+                [(START, "sliding", given), (END, "sliding", other)],
+            )
+            for given, other in ((3.5, 4.5), (4.5, 3.5), (3.7, 4.5), (5.0, 3.5))
+        ),
+        (
+            Diaphragm(prestretch_is_known=False),
+            [(START, "sliding", 3.5), (END, "bonded", 3.5), (END, "sliding", 4.5)],
+        ),
+    ],
+)
+def test_all_that_is_left_open_has_a_rival_of_its_own(rig, rivals):
+    expected = [replace(rig, reading=reading, ball=ball, prestretch=by) for reading, ball, by in rivals]
+    assert list(rig.rivals()) == expected
 
 
 @pytest.mark.parametrize("rig", [Coupon(), Disc(), Roll(reading=ReadingTime.START_OF_HOLD)])
@@ -109,15 +117,6 @@ def test_every_rig_may_be_read_at_the_other_end_of_the_hold(rig):
     (rival,) = rig.rivals()
     assert rival == replace(rig, reading=rival.reading) and type(rival) is type(rig)
     assert {rig.reading, rival.reading} == {ReadingTime.START_OF_HOLD, ReadingTime.END_OF_HOLD}
-
-
-def test_all_that_is_left_open_has_a_rival_of_its_own():
-    rig = Diaphragm(prestretch_is_known=False)
-    assert [(r.reading, r.ball, r.prestretch) for r in rig.rivals()] == [
-        (ReadingTime.START_OF_HOLD, "sliding", 3.5),
-        (ReadingTime.END_OF_HOLD, "bonded", 3.5),
-        (ReadingTime.END_OF_HOLD, "sliding", 4.5),
-    ]
 
 
 def test_whether_the_prestretch_is_known_changes_no_equations():

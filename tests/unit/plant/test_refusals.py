@@ -34,6 +34,7 @@ from deatwin.plant import (
     Scale,
     Sizes,
     Stack,
+    Supply,
     actuation_curve,
     draw_rig,
     effect_named,
@@ -195,6 +196,17 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         for wrong in (2.5, None)
     ),
     (lambda: triangles(H, rates=[1j]), "rates must be an array of real numbers"),
+    (lambda: resample(still(), "a"), "sample_time must be one number"),
+    (lambda: resample(still(), H, timepts="a"), "timepts must be an array of real numbers"),
+    (lambda: quantise([1.0], -0.1), "at least 0"),
+    *(
+        (lambda commands=commands: actuation_curve(Plant(rig=Planar()), commands), says)
+        for says, several in (
+            ("rise from 0", ([1.0, 0.5], [-1.0, 0.0])),
+            ("need one row of at least one finite number", ([], 2.0, [0.0, np.nan], [0.0, np.inf], [[0.0, 1.0]])),
+        )
+        for commands in several
+    ),
     (lambda: random_phase_multisine(RNG, 5.0, H, [1], 0.1, amplitudes=["a"]), "amplitudes must be an array of real"),
     (lambda: Experiment(recordings=(ramp(), ramp(start=1.5))), "overlap between 1.5 s and 2 s.*--experiment"),
     (lambda: Experiment(recordings=(ramp(), ramp(9.0, 0.01))), "sample times 0.02 s and 0.01 s"),
@@ -221,6 +233,22 @@ PARAMETERS: list[tuple[Callable[[], object], str]] = [
     (lambda: ParameterSet([MODULUS]).with_values({"shear_modulos": 1e4}), 'did you mean "shear_modulus"'),
     (lambda: ParameterSet([MODULUS]).with_values({"shear_modulus": 1.0}), "shear_modulus = 1 Pa is out of range"),
     (lambda: ParameterSet([MASS]).with_values({"mass": np.nan}), "mass = nan kg"),
+    (lambda: replace(MASS, value=None), "value of the parameter mass is None; it must be a number"),
+    (lambda: PLANT.with_values({"mass": "3 g"}), "value of the parameter mass is '3 g'; it must be a number"),
+    (lambda: Roll(spring_rate=0.0), "its rate must be above 0"),
+    (lambda: BowTie(sides="equal"), "sides"),
+    (lambda: BowTie(waist_width=0.0), "waist_width"),
+    (lambda: BowTie(sides="free", side_prestretch=3.0), "free sides contract by themselves"),
+    (lambda: Disc(electrode_radius=30e-3), "does not fit"),
+    (lambda: Cone(disc_radius=30e-3), "does not fit"),
+    (lambda: Cone(snap_reach=0.0), "snap_reach is 0"),
+    (lambda: Diaphragm(elements=0), r"rig\.elements is 0; it must be from 1 "),
+    (lambda: Diaphragm(ball="bondet"), 'unknown ball .*did you mean "bonded"'),
+    (lambda: Diaphragm(resolution="fines"), 'unknown resolution .*did you mean "fine"'),
+    *(
+        (lambda wrong=wrong: Supply(**wrong), "of the supply is")
+        for wrong in ({"current_limit": 0.0}, {"series_resistance": -1.0}, {"sink_current": np.nan})
+    ),
     (lambda: ParameterSet([MODULUS])["shear_modulos"], 'did you mean "shear_modulus"'),
     (
         lambda: Parameter(name="mass", value=2.0, unit="kg", lower=1e-6, upper=1.0),
@@ -302,22 +330,6 @@ def test_parameters_that_cannot_be(act: Callable[[], object], says: str) -> None
         act()
 
 
-@pytest.mark.parametrize(
-    "draw",
-    [
-        lambda seed: PLANT.record(ramp(), seed),
-        lambda seed: fleet()[0].record(ramp(), seed),
-        lambda seed: MeasuringChain().record([0.0], seed, sample_time=H),
-        lambda seed: band_limited_noise(seed, 10.0, H),
-        lambda seed: random_holds(seed, 10.0, H, 1.0, 3.0),
-        lambda seed: random_odd_harmonics(seed, 40.0, 2.0),
-    ],
-)
-def test_a_seed_is_no_generator(draw: Callable[[object], object]) -> None:
-    with pytest.raises(ModelError, match=r"rng = 0; it must be a numpy\.random\.Generator"):
-        draw(0)
-
-
 @pytest.mark.parametrize("film", FILMS)
 def test_no_rig_of_a_film_has_an_impossible_size(film: type) -> None:
     names = {field.name for field in fields(film)}
@@ -362,20 +374,6 @@ def test_parameters_of_an_energy_have_the_names_of_its_arguments_in_any_order() 
         made(energy="gent", elastic=(mu,))
 
 
-@pytest.mark.parametrize(
-    ("use", "says"),
-    [
-        (lambda: replace(MASS, value=None), "value of the parameter mass is None; it must be a number"),
-        (lambda: PLANT.with_values({"mass": "3 g"}), "value of the parameter mass is '3 g'; it must be a number"),
-        (lambda: resample(still(), "a"), "sample_time must be one number"),
-        (lambda: resample(still(), H, timepts="a"), "timepts must be an array of real numbers"),
-    ],
-)
-def test_numbers_that_are_none(use: Callable[[], object], says: str) -> None:
-    with pytest.raises((RigError, DataError), match=says):
-        use()
-
-
 @pytest.mark.parametrize("means", ["displacement", ["current"]])
 @pytest.mark.parametrize("act", [partial(resample, sample_time=2 * H), partial(decimate, factor=2)])
 def test_readings_that_are_means_are_listed_by_names_that_exist(act: Callable[..., object], means: object) -> None:
@@ -386,18 +384,8 @@ def test_readings_that_are_means_are_listed_by_names_that_exist(act: Callable[..
         act(still(), means=means)
 
 
-@pytest.mark.parametrize("take", [partial(actuation_curve, commands=[1.0]), plant_source])
-def test_a_rig_is_no_plant(take: Callable[[object], object]) -> None:
-    with pytest.raises(ModelError, match="needs a Plant, not a Disc"):
-        take(Disc())
-
-
-@pytest.mark.parametrize("seed", [None, 1.5, "a", -1, True, RNG])
-def test_a_seed_is_an_integer_of_at_least_zero(seed):
-    with pytest.raises(ModelError, match="it must be an integer of at least 0"):
-        fleet(seed)
-
-
+GENERATOR = r"rng = .*; it must be a numpy\.random\.Generator"
+SEED = "it must be an integer of at least 0"
 WRONG_KINDS = [
     (lambda value: read_recording(value), "path must be a str or a PathLike"),
     (lambda value: read_commands(value, input_column="u"), "path must be a str or a PathLike"),
@@ -427,7 +415,22 @@ WRONG_KINDS = [
     (lambda value: quantise([1.0], [value]), "step"),
     (lambda value: plant_source(PLANT, name=value), "cannot be a prefix of C names"),
     (lambda value: export_model_exchange(PLANT, value), "path must be a str or a PathLike"),
+    (lambda value: actuation_curve(value, [1.0]), "needs a Plant, not a "),
+    (lambda value: plant_source(value), "needs a Plant, not a "),
+    (lambda value: PLANT.record(ramp(), value), GENERATOR),
+    (lambda value: fleet()[0].record(ramp(), value), GENERATOR),
+    (lambda value: MeasuringChain().record([0.0], value, sample_time=H), GENERATOR),
+    (lambda value: band_limited_noise(value, 10.0, H), GENERATOR),
+    (lambda value: random_holds(value, 10.0, H, 1.0, 3.0), GENERATOR),
+    (lambda value: random_odd_harmonics(value, 40.0, 2.0), GENERATOR),
+    (lambda value: fleet(value), SEED),
 ]
+
+
+@pytest.mark.parametrize("seed", [None, -1, True, RNG])
+def test_a_seed_is_an_integer_of_at_least_zero(seed: object) -> None:
+    with pytest.raises(ModelError, match=SEED):
+        fleet(seed)
 
 
 @pytest.mark.parametrize("value", [0.5, object()], ids=["number", "object"])

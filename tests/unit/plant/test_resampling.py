@@ -133,14 +133,6 @@ def test_the_current_of_a_film_is_a_mean(tmp_path: Path) -> None:
     assert np.abs(found.extras["current"] - expected).max() < 2e-9  # the ripple of the low-pass filter, twice
 
 
-def test_a_reading_does_not_come_before_its_command() -> None:
-    # The area under a command of steps, read at the ends of the holds: its slope in a new row is the row's command.
-    command = np.repeat(np.random.default_rng(4).uniform(-1, 1, 40), 10)
-    record = Recording.from_arrays(command, STEP * np.cumsum(command), STEP)
-    found = resample(record, STEP / 10)
-    np.testing.assert_allclose(np.diff(found.outputs[0]) * 10 / STEP, found.inputs[0][1:], atol=1e-9)
-
-
 def test_the_bandwidth_is_that_of_the_interpolation() -> None:
     times = np.concatenate([[0.0], STEP * (np.arange(500) + 0.5)])  # new rows midway: cos(pi f h), 3 dB at 0.25 / h
     assert plan_resampling(times, STEP, str).bandwidth() == pytest.approx(0.25 / STEP, rel=0.02)

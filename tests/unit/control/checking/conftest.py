@@ -4,7 +4,7 @@ Of one lag there is an exact model as well, and a check on it that is as short a
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -20,7 +20,7 @@ from deatwin.control import Check, LinearController, check, lambda_tuning, linea
 from deatwin.ident.narx import NarxModel, Residual
 from deatwin.ident.narx.excited import BAND_KEY
 from deatwin.ident.narx.operating import OperatingRange
-from deatwin.plant import Parameter, Plant, simulate
+from deatwin.plant import Parameter, Plant
 from deatwin.plant.builder import Builder
 
 SCHEMA = json.loads((files("deatwin.control") / "schemas" / "check.schema.json").read_text(encoding="utf-8"))
@@ -71,30 +71,22 @@ class Brittle(Gap):
         return position
 
 
-@pytest.fixture(scope="module")
-def uncompiled() -> Iterator[None]:
-    """Small plants alone run in CasADi's own machine; models' loops over samples stay compiled."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulate, "compile_functions", lambda functions, **_: dict(functions))
-        yield
-
-
-@pytest.fixture(scope="module")
-def lags(uncompiled: None) -> Callable[..., Plant]:
+@pytest.fixture(scope="session")
+def lags() -> Callable[..., Plant]:
     return lambda **details: Plant(rig=Lags(**details))
 
 
-@pytest.fixture(scope="module")
-def gap(uncompiled: None) -> Plant:
+@pytest.fixture(scope="session")
+def gap() -> Plant:
     return Plant(rig=Gap(damping=0.02))
 
 
-@pytest.fixture(scope="module")
-def brittle(uncompiled: None) -> Plant:
+@pytest.fixture(scope="session")
+def brittle() -> Plant:
     return Plant(rig=Brittle())
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def rig(lags: Callable[..., Plant]) -> Plant:
     return lags(time=LAG, slope=SLOPE)
 
@@ -134,12 +126,12 @@ def checked() -> Callable[..., Check]:
     return found
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def passed(checked: Callable[..., Check], exact: Callable[..., NarxModel], rig: Plant) -> Check:
     return checked(exact(), rig)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def fast(exact: Callable[..., NarxModel], rig: Plant) -> LinearController:
     """A sound controller of the shortest check."""
     return lambda_tuning(linearise(exact()).in_loop(rig.rig.reading), command_limits=(-1.0, 1.0), closed_loop_time=FAST)

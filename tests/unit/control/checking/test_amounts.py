@@ -23,10 +23,6 @@ def off_by(size: float) -> Runs:
     return Runs(source="plant", steps=run, sine=run)
 
 
-def texts(size: float, sine_predicted: float) -> dict[str, str]:
-    return {f.subject: f.text for f in judge_runs(off_by(size), sine_predicted, Specification())}
-
-
 def test_numbers_up_to_the_largest_are_written_as_they_are():
     for unit, largest in LARGEST.items():
         assert amount(largest, ".2g", unit) == f"{largest:.0f}{unit}"
@@ -38,45 +34,32 @@ def test_numbers_up_to_the_largest_are_written_as_they_are():
     assert amount(1e6, ".3g", " Hz") == "1e+06 Hz"  # of other units nothing is too large
 
 
-def test_sentences_on_runs_near_the_limits_hold_the_numbers():
-    """Twice 0.4 above the step at most, 0.4 in the mean and as rms; the error is then 0.4 √2 in rms."""
-    found = texts(0.4, sine_predicted=0.4 * 2**0.5 / 7.0)
-    assert "plant model, the output overshoots by 80 % of the step (" in found["overshoot"]
-    assert (
-        "plant model, the mean error in the last third of a step is 40.0 % of the height of the step"
-        in found["steady-state error"]
-    )
-    assert (
-        "plant model, the rms ripple in the last third of a step is 40.0 % of the height of the step" in found["ripple"]
-    )
-    assert (
-        "plant model, the rms error on a slow sine is 7.00 times the error that the identified model predicts"
-        in found["tracking"]
-    )
-
-
-@pytest.mark.parametrize("size", [11.0, 7.3e11])
-def test_sentences_on_runs_far_off_are_short_and_the_numbers_stay(size):
-    found = {f.subject: f for f in judge_runs(off_by(size), 1e-3, Specification())}
-    for subject, says in (
-        ("overshoot", ", the output overshoots by more than 1000 % of the step ("),
-        ("steady-state error", "in the last third of a step is more than 1000 % of the height of the step"),
-        ("ripple", ", the rms ripple in the last third of a step is more than 1000 % of the height of the step"),
+@pytest.mark.parametrize(
+    ("size", "sine_predicted", "share", "error", "times"),
+    [
+        # Twice 0.4 above the step at most, 0.4 in the mean and as rms; the error is then 0.4 √2 in rms.
+        (0.4, 0.4 * 2**0.5 / 7.0, "40.0 %", "80 %", "7.00 times"),
+        (11.0, 1e-3, "more than 1000 %", "more than 1000 %", "more than 100 times"),
+        (7.3e11, 1e-3, "more than 1000 %", "more than 1000 %", "more than 100 times"),
+        (11.0, 0.0, "more than 1000 %", "more than 1000 %", "more than 100 times"),  # the model predicts no error
+    ],
+)
+def test_sentences_hold_the_numbers_or_are_short_where_runs_are_far_off(size, sine_predicted, share, error, times):
+    found = {f.subject: f for f in judge_runs(off_by(size), sine_predicted, Specification())}
+    level = "in the last third of a step is"
+    for subject, says, value in (
+        ("overshoot", f", the output overshoots by {error} of the step (", 2 * size),
+        ("steady-state error", f", the mean error {level} {share} of the height of the step", size),
+        ("ripple", f", the rms ripple {level} {share} of the height of the step", size),
         (
             "tracking",
-            ", the rms error on a slow sine is more than 100 times the error that the identified model predicts",
+            f", the rms error on a slow sine is {times} the error that the identified model predicts",
+            size * 2**0.5 / sine_predicted if sine_predicted else inf,
         ),
     ):
-        assert says in found[subject].text
+        assert f"plant model{says}" in found[subject].text
         assert found[subject].verdict is Verdict.FAIL
-    assert found["overshoot"].value == pytest.approx(2 * size)
-    assert found["steady-state error"].value == pytest.approx(size)
-    assert found["ripple"].value == pytest.approx(size)
-    assert found["tracking"].value == pytest.approx(size * 2**0.5 / 1e-3)
-
-
-def test_an_error_that_the_model_does_not_predict_at_all_is_more_than_a_hundred_times_that():
-    assert "is more than 100 times the error" in texts(0.1, sine_predicted=0.0)["tracking"]
+        assert found[subject].value == pytest.approx(value)
 
 
 def test_a_band_of_any_width_is_told():

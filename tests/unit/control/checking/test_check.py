@@ -8,7 +8,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from deatwin.control import Check, ControlError, Verdict, check, linearise
+from deatwin.control import Check, ControlError, Verdict, check
 from deatwin.ident.frequency import remove_dc
 from deatwin.plant import ModelError
 
@@ -41,22 +41,6 @@ def test_a_dataset_holds_findings_margins_runs_and_the_whole_file(passed, kept):
     np.testing.assert_array_equal(alone["measured"], passed.steps.measured)
     draws = kept(passed.predicted.to_xarray())
     np.testing.assert_allclose(draws["output"].mean("draw"), passed.predicted.middle, rtol=1e-12)
-
-
-def test_a_far_too_aggressive_controller_fails(passed, model, plant, recording):
-    judged = checked(model, plant, controller=passed.controller.scaled(12.0), recording=recording)
-    assert judged.verdict is Verdict.FAIL
-    assert "plant model" in judged.reason
-    assert judged.steps.ripple > 0.3
-    assert judged.steps.command.min() >= passed.controller.command_min
-
-
-def test_a_posterior_that_is_not_sure_of_the_loop_does_not_pass(passed, model, plant, recording):
-    unsure = replace(model, theta_cov=3e3 * model.theta_cov)
-    assert linearise(unsure).status.ok
-    judged = checked(unsure, plant, controller=passed.controller, recording=recording)
-    assert judged.margins.gain_low < passed.margins.gain_low
-    assert judged.verdict is not Verdict.PASS
 
 
 def test_what_pulls_in_fails_with_the_reason(model, plant):

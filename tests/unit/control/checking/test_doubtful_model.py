@@ -130,6 +130,15 @@ def test_draws_whose_loops_are_unstable_are_counted(checked, exact, document_of,
     document_of(found, tmp_path)
 
 
+def test_a_far_too_aggressive_controller_fails_on_the_model_and_on_the_plant(checked, exact, rig, fast):
+    wild = fast.scaled(1.5 * exact_gain_margin(fast))
+    found = checked(exact(), rig, controller=wild, samples=5)
+    assert found.verdict is Verdict.FAIL
+    assert found.margins.gain == found.margins.stable_share == 0.0
+    assert "plant model" in found.reason and found.steps.ripple > 0.3
+    assert found.steps.command.min() >= wild.command_min
+
+
 def exact_gain_margin(controller) -> float:
     """(z - p)(z - 1) + K (1 - p) z has a root at z = -1 where K = 2 (1 + p)/(1 - p)."""
     step = controller.law.d[0]  # K_i h

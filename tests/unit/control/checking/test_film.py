@@ -28,7 +28,7 @@ def controller(highest: float) -> LinearController:
 
 
 def steps_to(command: float) -> np.ndarray:
-    return np.repeat([0.2, command, 0.2], 150)
+    return np.repeat([0.2, command, 0.2], 60)
 
 
 def test_a_plate_that_is_far_from_pull_in_passes(gap):
@@ -71,7 +71,7 @@ def test_plants_are_counted(gap):
 
 def test_the_films_of_a_diaphragm_are_judged_by_their_field_and_tension_too(plant):
     rest = 2.4
-    used = np.repeat([rest, 2.6, rest], 100)
+    used = np.repeat([rest, 2.6, rest], 30)
     from_film = replace(controller(3.75), operating_input=rest, operating_output=1e-3, command_min=1.1)
     assert judge_film("plant", [plant], used, from_film).verdict is Verdict.PASS
     for limit in (5.0, 6.0, 12.0):

@@ -3,32 +3,12 @@
 import numpy as np
 import pytest
 
-from deatwin.control import Check, Verdict, check, lambda_tuning, linearise_plant
-from deatwin.control.checking.rows import rows_of_family
-from deatwin.control.linear.plant import linearise_plants
+from deatwin.control import Check, Verdict, check
 from deatwin.ident.narx import Frols
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 
-COARSE = Plant(rig=Diaphragm(), values={"shear_modulus": 25e3})
 FINE = Plant(rig=Diaphragm(resolution="fine"), values={"shear_modulus": 25e3})
 LIMITS = (1.7, 3.1)
-
-
-def test_its_margins_are_near_those_of_the_reduced_film(uncompiled):
-    """The reduced film has the fine one's gain to some per cent, and so have loops with one controller."""
-    controller = lambda_tuning(
-        linearise_plant(FINE, 2.4).in_loop(FINE.rig.reading), command_limits=LIMITS, closed_loop_time=0.2
-    )
-    rows = []
-    for plant in (FINE, COARSE):
-        family = linearise_plants((plant,), [2.2, 2.4, 2.6]).in_loop(plant.rig.reading)
-        rows.append(rows_of_family("plant", family, controller))
-    for fine, coarse in zip(*rows, strict=True):
-        assert fine.stable_share == 1.0
-        assert fine.gain == pytest.approx(coarse.gain, rel=0.05)
-        assert fine.phase_deg == pytest.approx(coarse.phase_deg, abs=2.0)
-        assert fine.disk == pytest.approx(coarse.disk, rel=0.05)
-        assert fine.crossover_Hz == pytest.approx(coarse.crossover_Hz, rel=0.05)
 
 
 @pytest.mark.study

@@ -138,7 +138,8 @@ def test_a_document_of_an_unknown_kind_is_refused(made):
 
 
 @pytest.mark.parametrize(
-    ("kind", "key"), [("pi", "law"), ("pi", "windup"), ("inverse", "curve"), ("scheduled", "points")]
+    ("kind", "key"),
+    [("pi", "law"), ("pi", "sample_time"), ("pi", "windup"), ("inverse", "curve"), ("scheduled", "points")],
 )
 def test_a_description_without_a_part_of_its_kind_is_refused(made, kind, key):
     data = controller_to_dict(getattr(made, kind))

@@ -65,16 +65,6 @@ def test_the_bilinear_transform_keeps_the_norm(slycot, sampled, model, settings)
     assert norm <= 1.0 + 1e-6
 
 
-@pytest.mark.parametrize(("model", "settings"), CASES)
-def test_a_step_is_followed_without_error(slycot, sampled, around, model, settings):
-    linear = sampled(**model)
-    found = hinf(linear, command_limits=LIMITS, **settings)
-    output, _ = np.asarray(control.forced_response(around(linear, found), H * np.arange(8000), np.ones(8000)).outputs)
-    # A peak of the sensitivity of M allows some overshoot; 1.3 is what M = 1.7 gives a second-order loop at most.
-    assert output.max() < 1.3
-    assert output[-1] == pytest.approx(1.0, abs=1e-3)
-
-
 def test_more_bandwidth_than_the_delay_allows_is_refused_with_what_can_be_reached(slycot, sampled):
     linear = sampled(1.0, [0.01], delay=9)  # 0.2 s
     with pytest.raises(ControlError, match="cannot be met; with these bounds") as error:

@@ -11,7 +11,6 @@ from deatwin.control import ControlError, StaticCurve, lambda_tuning, linearise
 from deatwin.control.design.inverse import static_curve, with_inverse
 from deatwin.control.design.lqg import lqg
 from deatwin.ident.frequency import equilibrium
-from deatwin.plant import SensorLag
 
 H = 0.02
 LIMITS = (1.1, 3.75)
@@ -127,12 +126,6 @@ def test_the_curve_of_a_plant_is_where_it_comes_to_rest(plant):
             stepper.advance(float(u))
         assert stepper.reading == pytest.approx(y, rel=1e-3)
     assert (curve.input_unit, curve.output_unit) == (plant.rig.input_unit, plant.rig.output_unit)
-
-
-def test_the_curve_of_a_plant_is_the_same_behind_a_lag_of_the_sensor(plant):
-    lagging = plant.with_effects(SensorLag())
-    curve, plain = (static_curve(one, LIMITS, count=5) for one in (lagging, plant))
-    np.testing.assert_allclose(curve.outputs, plain.outputs, rtol=1e-8)
 
 
 def test_what_pulls_in_or_turns_has_no_curve_and_nothing_else_has_one(plant, model):

@@ -79,13 +79,6 @@ def test_a_model_without_memory_is_a_static_function():
     assert system(3.0) == 18.0
 
 
-def test_its_functions_take_time_state_input_and_params():
-    system = to_nlsys(made({"y(k-1)": 0.5, "u(k)": 2.0, "u(k-1)": 1.0}))
-    state, command = np.array([4.0, 3.0]), np.array([10.0])  # y(k-1), u(k-1)
-    np.testing.assert_allclose(system.outfcn(0.0, state, command, {}), [2.0 + 20.0 + 3.0])
-    np.testing.assert_allclose(system.updfcn(0.0, state, command, {}), [25.0, 10.0])
-
-
 @pytest.mark.parametrize("point", [0.0, 0.5])
 def test_python_control_linearises_it_as_deatwin_does(point):
     model, omega = made(CUBIC), np.array([0.1, 1.0, 10.0, 100.0])

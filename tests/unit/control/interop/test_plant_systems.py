@@ -38,8 +38,13 @@ def clock(timeline):
     return timeline.start + timeline.sample_time * np.arange(timeline.commands.size)
 
 
-@pytest.mark.parametrize("reading", list(ReadingTime))
-@pytest.mark.parametrize("effects", KINDS.values(), ids=KINDS)
+@pytest.mark.parametrize(
+    ("reading", "effects"),
+    [
+        *((ReadingTime.END_OF_HOLD, effects) for effects in KINDS.values()),
+        *((reading, (Delay(),)) for reading in ReadingTime if reading is not ReadingTime.END_OF_HOLD),
+    ],
+)
 def test_it_runs_as_the_plant_does_from_rest_through_the_start_procedure(plant, effects, reading):
     actuator = plant.with_rig(replace(plant.rig, reading=reading)).with_effects(*effects)
     given = experiment(60)
@@ -58,10 +63,6 @@ def test_it_is_named_as_the_rig_is(plant):
     equations = plant.with_effects(Delay()).equations
     assert system.state_labels[: len(equations.states)] == list(equations.states)
     assert system.nstates == equations.scale.size + equations.history
-
-
-def test_zeros_are_the_rest_at_which_experiments_start(plant):
-    np.testing.assert_allclose(rest_state_of(plant, 0.0), np.zeros(to_nlsys(plant).nstates), atol=1e-12)
 
 
 @pytest.mark.parametrize("effects", KINDS.values(), ids=KINDS)

@@ -90,7 +90,7 @@ STILL = {"permittivity_drift.relative_change": 0.0}
     ],
 )
 def test_it_answers_as_the_simulation_does_to_small_signals(plant, command, size, settle, uncompiled):
-    deviations = np.random.default_rng(3).standard_normal(200)
+    deviations = np.random.default_rng(3).standard_normal(80)
     expected = simulated(plant, command, size, settle, deviations)
     linear = linearise_plant(plant, command).require()
     if plant.rig.reading is ReadingTime.START_OF_HOLD:

@@ -8,7 +8,6 @@ import pytest
 from oscillator import MASS, STIFFNESS, Oscillator
 from scipy.signal import cont2discrete
 
-from deatwin.control import ControlError
 from deatwin.control.linear.plant import linearise_plant
 from deatwin.control.loop import sine_response as module
 from deatwin.control.loop.closed_loop import approach
@@ -39,15 +38,6 @@ def test_a_mode_that_rings_on_is_waited_for(damping):
     np.testing.assert_allclose(found.values, np.broadcast_to(expected, (2, 4)), rtol=2e-3)
 
 
-def test_a_lag_is_settled_before_it_is_measured(curve):
-    """25 samples of a lag are five periods and more at high frequencies."""
-    lag = curve(lag=0.5)
-    omega = np.pi / H * np.array([0.02, 0.1, 0.5, 0.9])
-    found = sine_response(lag, 0.0, [0.1, 1.0], omega)
-    expected = linearise_plant(lag, 0.0).in_loop(lag.rig.reading).response(omega)
-    np.testing.assert_allclose(found.values, np.broadcast_to(expected, (2, 4)), rtol=0.01)
-
-
 def test_a_cubic_curve_has_the_gain_of_its_first_harmonic(curve):
     """Of 2 u + c u³ it is 2 + 3 c A²/4; the reading comes after a sample."""
     sizes = np.array([0.1, 0.5, 1.0, 2.0])
@@ -56,13 +46,6 @@ def test_a_cubic_curve_has_the_gain_of_its_first_harmonic(curve):
     # The drift that is fitted beside the sine takes some of the third harmonic: 0.3 % where that is a tenth of it.
     np.testing.assert_allclose(found.values, expected, rtol=4e-3)
     np.testing.assert_allclose(found.values[0], expected[0], rtol=2e-5)
-
-
-def test_it_is_about_the_operating_point(curve):
-    """(u_0 + v) has the slope 2 + 3 c u_0² in v, and 3 c A²/4 more at the amplitude A."""
-    found = sine_response(curve(cubic=0.4), 1.5, [1e-2, 0.5], WHOLE)
-    slope = 2 + 1.2 * 1.5**2 + 0.3 * np.array([1e-2, 0.5]) ** 2
-    np.testing.assert_allclose(np.abs(found.values), np.broadcast_to(slope[:, None], (2, 3)), rtol=4e-3)
 
 
 def of_one_run(plant, centre, sizes, omega):
@@ -152,6 +135,7 @@ def test_between_the_points_it_is_linear_in_logarithms_and_holds_at_the_ends():
     assert response(1e-9, 0.1) == pytest.approx(law[0, 0], rel=1e-12)
     assert response(7.0, 99.0) == pytest.approx(law[-1, -1], rel=1e-12)
     np.testing.assert_allclose(response(sizes[:, None], omega[None, :]), law, rtol=1e-12)
+    law[0, 0] = 2.0  # the caller's array stays writable
 
 
 def test_the_phase_does_not_wrap_between_two_points():
@@ -188,20 +172,3 @@ def test_amplitudes_at_which_the_film_pulls_in_are_left_out():
     assert np.isfinite(found.values).all()
     assert sine_response(soft, 3.0, [0.1, 9.0], omega) is None
     assert sine_response(soft.with_values({"mass": 1.0}), 3.0, [0.1, 0.2], omega) is None  # there is no rest
-
-
-@pytest.mark.parametrize(
-    ("sizes", "omega"),
-    [
-        ([0.1], [1.0, 2.0]),
-        ([0.2, 0.1], [1.0, 2.0]),
-        ([0.0, 0.1], [1.0, 2.0]),
-        ([0.1, np.nan], [1.0, 2.0]),
-        ([0.1, 0.2], [1.0, np.pi / H]),
-        ([0.1, 0.2], [1.0, 1.0]),
-        ([[0.1, 0.2]], [1.0, 2.0]),
-    ],
-)
-def test_axes_that_make_no_sense_are_refused(curve, sizes, omega):
-    with pytest.raises(ControlError, match="increasing positive numbers"):
-        sine_response(curve(), 0.0, sizes, omega)

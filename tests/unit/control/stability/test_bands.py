@@ -32,12 +32,15 @@ def drawn(model, count, seed=1):
     return in_series(numerators, PI[0]), in_series(denominators, PI[1])
 
 
+@pytest.fixture(scope="module")
+def sampled():
+    return margins(*drawn(linear(), 20000), H)
+
+
 @pytest.mark.parametrize(("name", "of"), [("gain", np.log), ("phase_deg", None), ("delay", None), ("disk", np.log)])
-def test_deviations_and_limits_agree_with_draws(name, of):
-    model = linear()
-    found = getattr(band_margins(model, *PI), name)
-    sampled = getattr(margins(*drawn(model, 20000), H), name)
-    values = sampled if of is None else of(sampled)
+def test_deviations_and_limits_agree_with_draws(name, of, sampled):
+    found = getattr(band_margins(linear(), *PI), name)
+    values = getattr(sampled, name) if of is None else of(getattr(sampled, name))
     # A deviation of 20 000 draws is known to 0.5 %; what is not linear adds some percent at this uncertainty.
     assert found.deviation == pytest.approx(values.std(), rel=0.05)
     centre = found.value if of is None else of(found.value)

@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from made_rigs import Bare
+from runs import simulation
 
-from deatwin.plant import Effect, Experiment, Parameter, Plant, Recording
+from deatwin.plant import Effect, Parameter, Plant
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.film import Film, FilmPoint
@@ -56,9 +57,7 @@ def chain(uncompiled: None) -> Callable[..., dict[str, np.ndarray]]:
     """``chain(commands, *effects, sample_time=0.02)``: signals and the reading at the end of each sample."""
 
     def run(commands: np.ndarray, *effects: Effect, sample_time: float = 0.02) -> dict[str, np.ndarray]:
-        record = Recording.from_arrays(commands, np.zeros(len(commands)), sample_time)
-        plant = Plant(rig=Chain(sample_time=sample_time), effects=effects)
-        simulation = plant.simulate(Experiment(recordings=(record,))).require()
-        return {**simulation.watched[0], "reading": simulation.outputs[0][0]}
+        run_of = simulation(Plant(rig=Chain(sample_time=sample_time), effects=effects), commands)
+        return {**run_of.watched[0], "reading": run_of.outputs[0][0]}
 
     return run

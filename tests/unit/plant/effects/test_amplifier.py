@@ -125,9 +125,9 @@ def test_a_delay_outside_of_its_range_is_the_nearest_to_first_order():
 
 
 FILM = Plant(rig=Diaphragm())
-STAIRS = np.repeat(np.random.default_rng(3).uniform(1.2, 3.2, 8), 25)
-FROM_ZERO = np.repeat(np.resize([0.0, 3.0], 8), 25)
-REVERSALS = STAIRS * np.repeat(np.resize([1.0, -1.0], 8), 25)
+STAIRS = np.repeat(np.random.default_rng(3).uniform(1.2, 3.2, 8), 12)
+FROM_ZERO = np.repeat(np.resize([0.0, 3.0], 8), 12)
+REVERSALS = STAIRS * np.repeat(np.resize([1.0, -1.0], 8), 12)
 
 
 def film(plant, commands, sample_time=0.02):
@@ -150,15 +150,15 @@ is no larger than both."""
 
 @pytest.mark.parametrize(
     ("commands", "quarters"),
-    [*((STAIRS, quarters) for quarters in (1, 2, 4, 6, 7)), (REVERSALS, 1), (FROM_ZERO, 7), (NOISE, 6)],
-    ids=["1", "2", "4", "6", "7", "reversals", "from 0 V", "noise"],
+    [*((STAIRS, quarters) for quarters in (1, 4, 6)), (REVERSALS, 1), (FROM_ZERO, 7), (NOISE, 6)],
+    ids=["1", "4", "6", "reversals", "from 0 V", "noise"],
 )
 def test_a_delay_between_samples_is_one_of_whole_shorter_samples(commands, quarters):
     late = film(FILM.with_effects(Delay(time=quarters * 0.005)), commands).outputs[1:]
     assert np.abs(late - shifted_by_quarters(FILM, commands, quarters)).max() < FOLLOWED
 
 
-@pytest.mark.parametrize("quarters", [1, 3, 4])
+@pytest.mark.parametrize("quarters", [3, 4])
 def test_the_clock_runs_as_it_does_in_shorter_samples_beside_a_delay(quarters):
     """A tone of 5 Hz turns by 36 degrees in a sample, all along which a lag follows it."""
     shaken = FILM.with_effects(PeriodicDisturbance(amplitude=20e-6, frequency=5.0), SensorLag(time=0.01))
@@ -168,7 +168,7 @@ def test_the_clock_runs_as_it_does_in_shorter_samples_beside_a_delay(quarters):
     assert np.abs(exact - shifted_by_quarters(FILM, STAIRS, quarters)).max() > 1e3 * FOLLOWED  # it does shake
 
 
-@pytest.mark.parametrize("time", [0.0, 0.015, 0.02])
+@pytest.mark.parametrize("time", [0.0, 0.015])
 def test_beside_a_delay_a_lag_of_no_time_is_none(time):
     late = FILM.with_effects(Delay(time=time))
     lags = ElectrodeRC(time=0.0), SensorLag(time=0.0)
@@ -177,7 +177,7 @@ def test_beside_a_delay_a_lag_of_no_time_is_none(time):
     np.testing.assert_allclose(same, film(late, STAIRS).outputs, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("time", [0.0, 0.005, 0.015])
+@pytest.mark.parametrize("time", [0.0, 0.005])
 def test_a_rig_that_starts_late_by_the_clock_reads_the_same_before_the_first_command(time):
     drifting = FILM.with_effects(SensorDrift(change=50e-6, time=20.0))
     first = [film(plant, STAIRS[:1]).outputs[0] for plant in (drifting, drifting.with_effects(Delay(time=time)))]
@@ -220,13 +220,6 @@ def delay_slope(time):
     return run.sensitivities[:, plant.parameters.free.index("delay.time")]
 
 
-def test_the_slope_of_a_delay_is_that_of_small_steps():
-    step = 1e-5
-    up, down = (film(FILM.with_effects(Delay(time=0.027 + d)), STAIRS).outputs for d in (step, -step))
-    exact = delay_slope(0.027)
-    assert np.linalg.norm((up - down) / (2 * step) - exact) < 1e-4 * np.linalg.norm(exact)
-
-
 def test_the_slope_of_a_delay_of_whole_samples_lies_between_those_on_either_side():
     before, at, after = (delay_slope(0.02 + d) for d in (-1e-7, 0.0, 1e-7))
     assert np.linalg.norm(at - (before + after) / 2) < 1e-3 * np.linalg.norm(at)
@@ -235,15 +228,3 @@ def test_the_slope_of_a_delay_of_whole_samples_lies_between_those_on_either_side
 def test_a_delay_that_is_off_is_seen_to_first_order():
     off, nearly = delay_slope(0.0), delay_slope(1e-6)
     assert np.linalg.norm(off - nearly) < 1e-3 * np.linalg.norm(nearly)
-
-
-def test_a_falling_source_delays_only_falling_parts(chain):
-    wave = 2.0 - np.cos(2 * np.pi * 0.5 * 0.02 * np.arange(300))
-    effect = AmplifierSlew(slowness=1e-4, ratio=0.1)  # 10 kV/s up, 1 kV/s down; the wave has 2.5 kV/s
-    ends = {r: chain(wave, replace(effect, ratio=r))["amplifier_voltage"] for r in (0.1, 1.0)}
-    behind, late = (ends[r][50:] - GAIN * wave[50:] for r in (0.1, 1.0))
-    assert behind.max() > 200.0
-    # Within a sample the lag of 2 ms leaves exp(-10) of the command's step of 50 V.
-    assert np.abs(late).max() < 1.0
-    rising = np.diff(wave[49:]) > 0
-    assert np.abs(behind[rising & (wave[50:] > 2.5)]).max() < 1.0

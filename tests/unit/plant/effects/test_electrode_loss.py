@@ -66,13 +66,13 @@ def charged(experiment, commands, effects=(), supply=None):
     """Voltage and capacitance of a film whose capacitance has grown to 2.5 of that at rest, and half of which is lost
     after 1 s. It is damped so strongly that it hardly moves in a second.
     """
-    rig = Planar(damping=3e3, gain=1000.0, start_ramp=50.0, start_hold=400.0, supply=supply)
+    rig = Planar(damping=3e3, gain=1000.0, start_ramp=50.0, start_hold=250.0, supply=supply)
     plant = Plant(rig=rig, effects=(*effects, ElectrodeLoss(share=0.5, at=1.01)), values={"branch_modulus": 1.0})
     watched = plant.simulate(experiment(commands)).require().watched[0]
     return watched["film_voltage"], watched["capacitance"]
 
 
-@pytest.mark.parametrize("film_share", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("film_share", [0.0, 1.0])
 def test_a_lost_part_takes_its_charge_along(experiment, film_share):
     volts, capacitance = charged(experiment, np.full(60, 2.5), (ElectrodeRC(time=0.5, film_share=film_share),))
     assert capacitance[59] == pytest.approx(capacitance[40] / 2, rel=0.01)

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from runs import readings
 
-from deatwin.plant import Coupon, Experiment, Plant, Recording
+from deatwin.plant import Coupon, Plant
 from deatwin.plant.effects.lines import slow_cycles, spectral_peaks, tone_at, tones
 from deatwin.plant.effects.periodic_disturbance import PeriodicDisturbance
 
@@ -72,9 +73,7 @@ def test_peaks_lie_in_the_band():
 def test_a_tone_is_added_to_the_reading(frequency):
     # On a strip that is not pulled the reading is the tone, at the end of each sample; 50.03 Hz at its alias.
     effect = PeriodicDisturbance(amplitude=4e-6, frequency=frequency, phase=0.3)
-    record = Recording.from_arrays(np.ones(400), np.zeros(400), SAMPLE, start=12.0)
-    plant = Plant(rig=Coupon(), effects=(effect,))
-    reading = plant.simulate(Experiment(recordings=(record,))).outputs[0][0]
+    reading = readings(Plant(rig=Coupon(), effects=(effect,)), np.ones(400), start=12.0)
     times = 12.0 + SAMPLE * np.arange(1, 401)
     alias = frequency - 50.0 * np.round(frequency / 50.0)
     np.testing.assert_allclose(reading, 4e-6 * np.cos(2 * np.pi * alias * times + 0.3), atol=1e-15)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import runs
 from made_rigs import Pushed
 from scipy.linalg import expm
 from slopes import slope_errors
@@ -17,9 +18,7 @@ from deatwin.plant import (
     Diaphragm,
     DryFriction,
     Effect,
-    Experiment,
     Plant,
-    Recording,
     Rig,
     effect_named,
 )
@@ -32,14 +31,8 @@ MACHINES = ("backlash", "coulomb_friction", "dead_zone", "relaxation")
 pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
-def simulation(effect: Effect | None, commands: np.ndarray = COMMANDS, **rig: float) -> Any:
-    record = Recording.from_arrays(commands, np.zeros(len(commands)), STEP)
-    plant = Plant(rig=Pushed(**rig), effects=() if effect is None else (effect,))
-    return plant.simulate(Experiment(recordings=(record,))).require()
-
-
-def readings(effect: Effect | None, commands: np.ndarray = COMMANDS, **rig: float) -> np.ndarray:
-    return simulation(effect, commands, **rig).outputs[0][0]
+def simulation(effect: Effect, commands: np.ndarray = COMMANDS, **rig: float) -> Any:
+    return runs.simulation(Plant(rig=Pushed(**rig), effects=(effect,)), commands)
 
 
 # The catalogue -------------------------------------------------------------------------------------------------------
@@ -95,7 +88,9 @@ def test_relaxation_is_the_standard_linear_solid() -> None:
         state = step @ state
         exact.append(state[0])
     relaxing = replace(effect_named("relaxation"), stiffness=branch, time=time)  # type: ignore[call-arg]
-    np.testing.assert_allclose(readings(relaxing, mass=mass), exact, rtol=0, atol=1e-8 * np.abs(exact).max())
+    np.testing.assert_allclose(
+        simulation(relaxing, mass=mass).outputs[0][0], exact, rtol=0, atol=1e-8 * np.abs(exact).max()
+    )
 
 
 def test_relaxation_starts_between_the_sample_and_the_record() -> None:

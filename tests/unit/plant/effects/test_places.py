@@ -6,17 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from oscillator import DAMPING, MASS, STIFFNESS, Oscillator
+from runs import readings
 
 from deatwin.plant import (
     Creep,
     Delay,
     Diaphragm,
     Effect,
-    Experiment,
     PeriodicDisturbance,
     Plant,
     Pressure,
-    Recording,
     SensorDrift,
     SensorLag,
     Sizes,
@@ -35,8 +34,7 @@ TIME = np.arange(500) / RATE
 
 def read(*effects: Effect, command: float = 10.0) -> np.ndarray:
     """Displacement at the ends of the samples, which follow `TIME` by one."""
-    record = Recording.from_arrays(np.full(TIME.size, command), np.zeros((0, TIME.size)), 1 / RATE)
-    return Oscillator().with_effects(*effects).simulate(Experiment(recordings=(record,))).require().outputs[0][0]
+    return readings(Oscillator().with_effects(*effects), np.full(TIME.size, command))
 
 
 def line(values: np.ndarray, frequency: float) -> complex:
@@ -67,10 +65,8 @@ def test_a_late_reading_is_the_same_one_later(time, frequency):
 
 def test_many_samples_late():
     held = np.sin(2 * np.pi * 3.0 * np.arange(1000) / 1000.0)
-    given = Experiment(recordings=(Recording.from_arrays(held, np.zeros((0, held.size)), 1e-3),))
     plant = Oscillator(sample_time=1e-3)
-    sound = plant.with_effects().simulate(given).require().outputs[0][0]
-    late = plant.with_effects(Delay(time=0.1).placed("reading")).simulate(given).require().outputs[0][0]
+    sound, late = (readings(plant.with_effects(*e), held) for e in ((), (Delay(time=0.1).placed("reading"),)))
     np.testing.assert_allclose(late[100:], sound[:-100], atol=1e-9 * np.ptp(sound))
     np.testing.assert_allclose(late[:100], 0.0, atol=1e-9 * np.ptp(sound))
 

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+import runs
 from made_rigs import Bare
 
 from deatwin.plant import (
@@ -14,12 +15,10 @@ from deatwin.plant import (
     Creep,
     CubicStiffness,
     Effect,
-    Experiment,
     Family,
     Hysteresis,
     Parameter,
     Plant,
-    Recording,
     catalogue,
 )
 from deatwin.plant.builder import Builder
@@ -81,8 +80,7 @@ pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def readings(rig: Mass, commands: np.ndarray, *effects: Effect) -> np.ndarray:
-    record = Recording.from_arrays(commands, np.zeros(len(commands)), rig.sample_time)
-    return Plant(rig=rig, effects=effects).simulate(Experiment(recordings=(record,))).require().outputs[0][0]
+    return runs.readings(Plant(rig=rig, effects=effects), commands)
 
 
 ON_A_MASS = [e for e in Mass().effects() if Plant(rig=Mass()).accepts(e)]

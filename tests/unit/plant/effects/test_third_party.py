@@ -44,13 +44,13 @@ from deatwin.plant import CalibratedPlant, Experiment, Recording
 from shaker import plant
 
 rng, state, readings = np.random.default_rng(3), [0.0, 0.0], []
-commands = np.repeat(rng.uniform(-2.0, 2.0, 60), 10)
+commands = np.repeat(rng.uniform(-2.0, 2.0, 30), 10)
 for u in commands:
     rates = lambda t, x: [x[1], ((1 - 1e4 * x[0] ** 2) * u - 1050.0 * x[0] - 5.0 * x[1]) / 0.25]
     state = solve_ivp(rates, (0.0, 0.005), state, method="LSODA", rtol=1e-9, atol=1e-12).y[:, -1]
     readings.append(state[0])
 noisy = np.array(readings) + 2e-6 * rng.standard_normal(commands.size)
-others = "coulomb_friction", "cubic_stiffness", "delay", "quadratic_damping", "sensor_curvature", "sensor_lag"
+others = "coulomb_friction", "cubic_stiffness", "delay"
 offered = [effect for effect in plant().rig.effects() if effect.name in ("weak_coil", *others)]
 found = diagnose(plant(), Experiment(recordings=(Recording.from_arrays(commands, noisy, 0.005),)), effects=offered)
 loss = {cause.effect: cause.parameters["loss"].value for cause in found.causes}
@@ -93,7 +93,7 @@ def test_a_diagnosis_names_it_among_others_and_the_command_line_knows_it(tmp_pat
     )
     verdict, sentence, loss = json.loads(done.stdout)
     assert verdict == "named" and "the coil loses " in sentence
-    # The interval is 0.4 % wide to either side.
+    # The interval is some 0.6 % wide to either side.
     assert loss == {"weak_coil": pytest.approx(1e4, rel=0.02)}
     assert "the effect lost (absent:Lost) is left out: ModuleNotFoundError" in done.stderr
     assert (folder / "out.csv").read_text().startswith("time_s,position_")

@@ -86,7 +86,7 @@ def test_a_result_that_nobody_wants_is_not_written(c_compiler, tmp_path):
     np.testing.assert_array_equal(result, [6.0, 10.0])
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(("n", "n_x", "columns"), [(4, 2, 3), (4, 4, 1), (9, 3, 6)])
 def test_elimination_solves_the_system_of_all_stages(c_compiler, tmp_path, seed, n, n_x, columns):
     """Against LAPACK, for Jacobians whose first pivots are zero; the bound is that of Gaussian elimination (Golub & Van

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.plant.laws.breakdown import HUANG_2012, KOFOD_2001, BreakdownLaw
+from deatwin.plant.laws.breakdown import HUANG_2012, BreakdownLaw
 
 LAW = BreakdownLaw(field=50e6, thickness=1e-3, thickness_power=-0.5, stretch_power=1.0, source="a test")
 
@@ -25,7 +25,3 @@ def test_a_law_takes_whole_films():
     stretches = np.array([3.0, 3.5, 4.0])
     fields = HUANG_2012.at(0.5e-3 / stretches**2, stretches, stretches)
     assert fields.shape == (3,) and np.all(np.diff(fields) > 0)
-
-
-def test_laws_carry_sources():
-    assert HUANG_2012.source and KOFOD_2001.source

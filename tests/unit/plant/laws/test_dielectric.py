@@ -17,7 +17,7 @@ from deatwin.plant.laws.dielectric import (
 from deatwin.plant.laws.permittivity import stretched
 from deatwin.plant.laws.stress import true_stress
 
-MU, LIMIT, PERMITTIVITY = 25e3, 107.0, 4.5
+MU, PERMITTIVITY = 25e3, 4.5
 MODULUS = 3 * MU
 
 

@@ -8,13 +8,11 @@ from scipy.optimize import brentq
 from deatwin.plant.errors import ModelError
 from deatwin.plant.laws.energies import (
     arruda_boyce,
-    first_invariant,
     gent,
     maxwell_branch,
     mooney_rivlin,
     neo_hookean,
     ogden,
-    second_invariant,
     yeoh,
 )
 from deatwin.plant.laws.stress import shear_modulus
@@ -50,11 +48,6 @@ def test_an_energy_is_zero_and_flat_where_nothing_is_stretched_and_positive_else
 @every
 def test_the_shear_modulus_at_small_strain_is_the_stated_one(energy, values, modulus):
     assert float(shear_modulus(energy, *values)) == pytest.approx(modulus, rel=1e-12)
-
-
-def test_the_invariants_of_a_simple_stretch():
-    assert first_invariant(2.0, 2.0) == 8 + 1 / 16
-    assert second_invariant(2.0, 2.0) == 0.5 + 16
 
 
 def inverse_langevin(extension):

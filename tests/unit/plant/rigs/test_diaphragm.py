@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.plant import Creep, Diaphragm, Plant, RigError, catalogue
+from deatwin.plant import Creep, Diaphragm, Plant, catalogue
 from deatwin.plant.rest import rest_state
 
 COARSEST = Diaphragm(resolution="fine", elements=1)
@@ -15,17 +15,6 @@ def rest(plant, command=2.4):
     state = rest_state(plant.equations, command, plant.free_values)
     assert state.found
     return dict(zip(plant.equations.states + plant.equations.coordinates, [*state.x, *state.z], strict=True))
-
-
-@pytest.mark.parametrize(("field", "value", "near"), [("ball", "bondet", "bonded"), ("resolution", "fines", "fine")])
-def test_a_misspelt_form_gets_the_near_one(field, value, near):
-    with pytest.raises(RigError, match=f'unknown {field} .*did you mean "{near}"'):
-        Diaphragm(**{field: value})
-
-
-def test_a_film_without_elements_is_refused():
-    with pytest.raises(RigError, match=r"rig\.elements is 0; it must be from 1 "):
-        Diaphragm(resolution="fine", elements=0)
 
 
 def test_finer_ends_nowhere():

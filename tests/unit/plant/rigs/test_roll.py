@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.plant import Plant, RigError
+from deatwin.plant import Plant
 from deatwin.plant.actuation import actuation_curve
 from deatwin.plant.rigs.planar import Planar
 from deatwin.plant.rigs.roll import Roll
@@ -25,8 +25,3 @@ def test_a_soft_long_spring_is_a_dead_load():
     readings = [actuation_curve(Plant(rig=rig), commands).readings for rig in (roll, strip)]
     # the spring gives way by its rate over the film's, about 1e-4 over 100 N/m
     np.testing.assert_allclose(readings[0], readings[1], rtol=1e-6, atol=1e-14)
-
-
-def test_a_spring_that_does_not_resist_is_refused():
-    with pytest.raises(RigError, match="its rate must be above 0"):
-        Roll(spring_rate=0.0)
