@@ -91,7 +91,7 @@ def conclude(findings: Findings) -> Diagnosis:
                 f"{name} was not tried, because the model with this effect could not be simulated"
                 for name in findings.naming.failed
             ),
-            *(f"the fitted {name} lies at a bound of its allowed range" for name in findings.final.at_bound),
+            *_at_bounds(findings),
             *_widened(findings.final.plant),
             *exchanged_lags(findings.final),
             *_held_back(findings),
@@ -234,6 +234,16 @@ def _widened(plant: Plant) -> Iterator[str]:
         value = plant.parameters[usual.name].value
         if not usual.lower <= value <= usual.upper:
             yield f"the fitted {usual.name} lies outside its usual range of {usual.lower:g} to {usual.upper:g} {usual.unit}"
+
+
+def _at_bounds(findings: Findings) -> Iterator[str]:
+    """Warn of fitted parameters at a bound; for the rig's own ones, a wrong statement about the rig is a likely reason."""
+    for name in findings.final.at_bound:
+        own = name in findings.problem.nominal.parameters
+        yield (
+            f"the fitted {spaced(name)} lies at a bound of its allowed range"
+            + own * ": check what is stated about the rig"
+        )
 
 
 def _placed_unseen(findings: Findings) -> Iterator[str]:
