@@ -97,9 +97,15 @@ def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_
     page = page_of(replace(with_everything(), location=located), tmp_path)
     cells = [re.sub("<[^>]*>", "", cell) for cell in re.findall("<td.*?</td>", page)]
     rows = dict(pairwise(cells))
-    assert rows["film: permittivity"] == "0 % explained by any effect there, 66 % predicted by the signals there"
-    assert (rows["ball"], rows["sensor"]) == ("50 % predicted by the signals there", "30 % explained by an effect")
-    assert unescape(rows["drive"]) == "20 % explained by drift of the amplifier's gain alone"
+    assert (
+        rows["film: permittivity"]
+        == "0 % is explained by any effect there, 66 % can be predicted from the signals there"
+    )
+    assert (rows["ball"], rows["sensor"]) == (
+        "50 % can be predicted from the signals there",
+        "30 % is explained by an effect",
+    )
+    assert unescape(rows["drive"]) == "20 % is explained by drift of the amplifier's gain alone"
     assert [c for c in cells if c in ("film: permittivity", "ball", "sensor")] == [
         "film: permittivity",
         "ball",
@@ -348,7 +354,7 @@ def test_the_page_shows_every_step_in_order(whole):
         "not tested: it hardly differs",
         "-126 ± 8 %",
         "not determined",
-        "during rests of the command and up to 50.0 s after the latest rest or the start of the recording, whichever is later",
+        "during rests of the command and up to 50.0 s after the command was last at rest, or after the start of the recording, whichever is later",
         "displacement rate from -332 to 326 µm/s",
         "<td>falling reading</td>",
         "The strength of creep is not constant: in a fit that lets it vary, it changes by -126 % over the fitted data",
@@ -401,7 +407,7 @@ EXPLANATIONS = {
         (
             Verdict.UNKNOWN,
             "the error beyond sensor noise is 0.340 µm rms (the larger of the errors on fitted and on held-out data), and "
-            "errors below 1.19 µm rms do not count as a mismatch; of all single effects and signals, one at the film accounts "
+            "errors below 1.19 µm rms do not count as a mismatch; of all effects and signals, each taken alone, one at the film accounts "
             "for the largest share of the mismatch, 34 %.",
         ),
         (

@@ -255,7 +255,10 @@ def _stable(rows: Sequence[MarginRow], unit: str) -> str:
     whose = _whose(rows[0])
     kind = "operating points" if all(row.time is None for row in rows) else "operating points and times"
     count = f" at all {len(rows)} {kind}" if len(rows) > 1 else ""
-    return f"the loop is stable with {whose}{count}" + (f", for all {_draws(rows[0])}" if rows[0].samples > 1 else "")
+    if rows[0].samples == 1:
+        return f"the loop is stable with {whose}{count}"
+    each = "model drawn from the posterior" if rows[0].source == "model" else f"draw of {whose}"
+    return f"the loop is stable{count}, with every {each}"
 
 
 def _finding(subject: str, value: float, limit: Limit, text: str) -> Finding:

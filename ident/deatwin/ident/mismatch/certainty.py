@@ -136,7 +136,7 @@ def _unknown(diagnosis: Diagnosis) -> str:
         where = at_body(f"{best.signal or 'one'} at the {best.place}", diagnosis)
         by = best.effect if best.effect and best.score >= (best.explained or 0.0) else where
         share = f"the largest share of the mismatch, {100 * _accounted(best):.0f} %"
-        effect = f"of all single effects and signals, {spaced(by)} accounts for {share}"
+        effect = f"of all effects and signals, each taken alone, {spaced(by)} accounts for {share}"
     return "; ".join(filter(None, [_beyond_noise(diagnosis), effect]))
 
 

@@ -250,11 +250,9 @@ def ends(region: Region) -> tuple[float, float]:
 def since_rest(region: Region) -> str:
     """Return a range of the time since the command rested, in the words of a condition; it is 0 during a rest."""
     low, high = ends(region)
-    high_s = f"{number(high)} s after the latest rest"
-    span = (
-        f"during rests of the command and up to {high_s}" if low <= 0.0 else f"{number(low)} to {high_s} of the command"
-    )
-    return f"{span} or the start of the recording, whichever is later"
+    high_s = f"{number(high)} s after the command was last at rest"
+    span = f"during rests of the command and up to {high_s}" if low <= 0.0 else f"{number(low)} to {high_s}"
+    return f"{span}, or after the start of the recording, whichever is later"
 
 
 def _in(region: Region, diagnosis: Diagnosis) -> str:
