@@ -198,7 +198,11 @@ def for_name(name: str, unit: str) -> str:
     ('°C', 'Δ°C', 'coulomb', 'C')
     >>> for_name("accel_x", "g"), for_name("mass", "g")
     ('gn', 'g')
+    >>> for_name("Timestamp", "N s"), for_name("impulse", "N s")
+    ('ns', 'N s')
     """
+    if unit == "N s" and _is_time(name):  # written Ns
+        return "ns"
     if unit == "C":
         unit = _celsius_or_coulomb(name)
     if unit == "F" and _celsius_or_coulomb(name) == "°C":
