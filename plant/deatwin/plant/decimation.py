@@ -107,7 +107,7 @@ def decimate(
 def require_means(means: Collection[str], recording: Recording) -> None:
     """Raise DataError unless the names are a collection of outputs and further channels of a recording."""
     known = (*recording.output_names, *recording.extras)
-    if isinstance(means, str) or not isinstance(means, Collection) or not set(means) <= set(known):
+    if isinstance(means, str) or not isinstance(means, Collection) or any(name not in known for name in means):
         raise DataError(
             f"means = {means!r}; give a list of names of outputs and further channels, which are {', '.join(known)}"
         )

@@ -31,13 +31,15 @@ def forward_signals(*signals: signal.Signals) -> Iterator[None]:
     ours = threading.current_thread() is threading.main_thread()
     taken = [s for s in signals or (signal.SIGINT,) if ours and signal.getsignal(s) is ORDINARY[s]]
     handler, hook, of_threads = _Remembering(), sys.unraisablehook, threading.excepthook
+    running: list[threading.Thread] = []  # when this context ended after an interrupt
 
     def unraisable(told: Any) -> None:
         if told.exc_type is not KeyboardInterrupt:  # one that a callback swallows is remembered by the handler
             hook(told)
 
     def in_a_thread(told: threading.ExceptHookArgs) -> None:
-        if not handler.asked.is_set():  # afterwards, threads fail that still send jobs to the ended workers
+        # After an interrupt, threads fail that still send jobs to the ended workers. A session may go on with others.
+        if not handler.asked.is_set() or (running and told.thread not in running):
             of_threads(told)
 
     if taken:
@@ -54,7 +56,9 @@ def forward_signals(*signals: signal.Signals) -> Iterator[None]:
     finally:
         if taken:
             sys.unraisablehook = hook
-            if not handler.asked.is_set():  # else the program ends, and its threads with it
+            if handler.asked.is_set():
+                running += threading.enumerate()
+            else:
                 threading.excepthook = of_threads
         if handler.asked.is_set() and (parallel := sys.modules.get("deatwin.ident.parallel")):
             parallel.end_workers()

@@ -199,22 +199,31 @@ def test_an_interrupt_that_a_callback_swallows_is_obeyed_and_not_printed():
         signal.signal(signal.SIGINT, before)
 
 
-def test_errors_of_threads_are_printed_only_until_an_interrupt(monkeypatch):
+def test_errors_of_threads_are_printed_but_not_of_those_that_an_interrupt_leaves(monkeypatch):
     before, printed = signal.signal(signal.SIGINT, signal.default_int_handler), []
     monkeypatch.setattr(threading, "excepthook", printed.append)
+    asked, workers_gone = threading.Event(), threading.Event()
 
-    def fail():
-        thread = threading.Thread(target=[].pop)
+    def fail(*late):
+        thread = threading.Thread(target=lambda: [event.wait() for event in late].index(None))  # it is not in the list
         thread.start()
-        thread.join()
+        return thread
 
     try:
         with pytest.raises(KeyboardInterrupt), forward_signals(*ORDINARY):
-            fail()
-            assert [told.exc_type for told in printed] == [IndexError]
-            signal.raise_signal(signal.SIGINT)
-        fail()  # as a thread does that sends a job to workers that are gone
+            fail().join()
+            assert [told.exc_type for told in printed] == [ValueError]
+            during, later = fail(asked), fail(workers_gone)  # as threads that send jobs to workers
+            try:
+                signal.raise_signal(signal.SIGINT)
+            finally:
+                asked.set()
+                during.join()
+        workers_gone.set()
+        later.join()
         assert len(printed) == 1
+        fail().join()  # as in a notebook, which goes on
+        assert len(printed) == 2
     finally:
         signal.signal(signal.SIGINT, before)
 

@@ -17,6 +17,7 @@ import numpy as np
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.locate.region import BRANCH, RATE, SINCE_REST
 from deatwin.ident.mismatch.located import Band, LocationSummary, Region, Unexplained, Window
+from deatwin.ident.mismatch.naming.places import timing_error
 from deatwin.ident.mismatch.result import Fault
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.verdict import Cause, Explanation, FittedParameter, Interval, Verdict
@@ -129,7 +130,11 @@ def _explained(causes: Sequence[Cause]) -> str:
 
 def _names(diagnosis: Diagnosis) -> str:
     """Return the names of the causes."""
-    return listed([spaced(cause.effect) for cause in diagnosis.causes])
+    return listed(_effects(diagnosis))
+
+
+def _effects(diagnosis: Diagnosis) -> list[str]:
+    return [spaced(cause.effect) for cause in diagnosis.causes]
 
 
 def _ambiguous(diagnosis: Diagnosis) -> list[str]:
@@ -413,8 +418,10 @@ def _gain(diagnosis: Diagnosis) -> str:
     if shown.after is None or gain is None:
         raise ModelError("a diagnosis with causes needs the error that they leave on held-out data")
     chance = "" if gain > 0 else ", but this reduction could be due to chance"
+    findings = diagnosis.findings
+    late = ["the timing error of the rig"] if findings is not None and timing_error(findings.answer) else []
     return (
-        f"adding {_names(diagnosis)} to the model lowers the error"
+        f"adding {listed([*_effects(diagnosis), *late])} to the model lowers the error"
         f"{shown.reading and f' of {shown.reading}'} on held-out data from {_rounded(shown.unseen)} to "
         f"{shown.sized(shown.after)}{chance} ({_noise(diagnosis)})"
     )

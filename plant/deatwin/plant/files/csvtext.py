@@ -22,6 +22,7 @@ from deatwin.plant.files.csvcells import (
     split_cells,
 )
 from deatwin.plant.files.csvheader import are_units
+from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import find_unit
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import clipped
@@ -258,7 +259,7 @@ def _named(lines: list[str], delimiter: str, first: int) -> Layout:
     above = lines[max(first - 2 * _HEADERS, 0) : first]
     head: list[list[str]] = []
     for cells in (_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above):
-        named = any(len(one) >= len(cells) for one in head)
+        named = any(len(list(filter(None, one))) >= len(cells) for one in head)
         if kept := _without_labels(cells) if named else cells:
             head.append(kept)
     return Layout(delimiter=delimiter, first=first, head=tuple(head[-_HEADERS:]))
@@ -270,7 +271,9 @@ def _without_labels(cells: list[str]) -> list[str]:
     labels = {label[1].lower() for label in found if label}
     if len(found) < 2 or None in found or len(labels) > 1:
         return cells
-    return [_LABEL.sub("", cell, count=1) for cell in cells] if labels.pop().startswith("unit") else []
+    if labels.pop().startswith("unit"):
+        return [_LABEL.sub("", cell, count=1) for cell in cells]
+    return cells if any(split_unit(cell)[1] for cell in cells) else []  # with units, they are names below a title
 
 
 def _of_block(lines: list[str], delimiter: str, first: int) -> Layout | None:

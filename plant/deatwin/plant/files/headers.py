@@ -111,9 +111,15 @@ def split_units(headers: Sequence[str]) -> list[tuple[str, str]]:
 
     >>> split_units(["x_mm_min", "x_mm_max"]), split_units(["v_mm_min"])
     ([('x_mm_min', ''), ('x_mm_max', '')], [('v', 'mm/min')])
+    >>> split_units(["F min (N)", "F max (N)"])
+    [('F min', 'N'), ('F max', 'N')]
     """
     above = {header: _MINIMUM.sub("max", header) for header in headers}
-    return [(header, "") if header != above[header] in above else split_unit(header) for header in headers]
+    split = {header: split_unit(header) for header in headers}
+    return [
+        (header, "") if above[header] in split and split[above[header]][1] != split[header][1] else split[header]
+        for header in headers
+    ]
 
 
 def _factor(name: str, header: str) -> str:
@@ -192,7 +198,11 @@ def for_name(name: str, unit: str) -> str:
     ('°C', 'Δ°C', 'coulomb', 'C')
     >>> for_name("accel_x", "g"), for_name("mass", "g")
     ('gn', 'g')
+    >>> for_name("Timestamp", "N s"), for_name("impulse", "N s")
+    ('ns', 'N s')
     """
+    if unit == "N s" and _is_time(name):  # written Ns
+        return "ns"
     if unit == "C":
         unit = _celsius_or_coulomb(name)
     if unit == "F" and _celsius_or_coulomb(name) == "°C":

@@ -127,7 +127,8 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
             )
     column = table.column(name, lambda column: column not in taken and holds_times(table, column, stated))
     header = table.headers[column]
-    own = table.units[column] or (unit if UNITS[unit := find_unit(header)].si == "s" else "")
+    # Behind the name of a time, h and min are units.
+    own = table.units[column] or (unit if UNITS[unit := find_unit(header.rpartition("_")[2])].si == "s" else "")
     if own and UNITS[own].si != "s":
         raise DataError(
             f'{table.path}: the column "{clipped(header)}" is in {own}; a column of times must be in a unit of time, such as s'

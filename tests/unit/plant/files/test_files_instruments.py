@@ -131,6 +131,18 @@ READ = {
         "Latest: y (mm)",
         {"time_column": "#1"},
     ),
+    "a title above a label before each name": (
+        "Run 1,,\nLatest: t,Latest: u,Latest: y\ns,V,mm\n" + plain(),
+        "Latest: u",
+        "Latest: y",
+        {"time_column": "#1"},
+    ),
+    "groups above a label before each name": (
+        "clock,drive,laser\nRun: t (s),Run: u (V),Run: y (mm)\n" + plain(),
+        "Run: u (V)",
+        "Run: y (mm)",
+        {"time_column": "#1"},
+    ),
     "labels of Simulink": (
         "time,cmd,pos\n,Type: double,Type: double\n,Units: V,Units: mm\n,Interp: zoh,Interp: zoh\n" + plain(),
         "cmd",
@@ -299,6 +311,23 @@ def test_a_minimum_beside_a_maximum_is_not_in_minutes(tmp_path: Path, form: str)
     found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column=form.format("min"))
     np.testing.assert_array_equal(found.outputs[0], Y - 1)
     assert (found.output_units, found.sample_time) == (("",), pytest.approx(60 * DT))
+
+
+@pytest.mark.parametrize("form", ["y_{}_mm", "y {} (mm)", "y (mm) {}"])
+def test_a_minimum_beside_a_maximum_keeps_the_unit_of_both(tmp_path: Path, form: str) -> None:
+    head = ",".join(["time (min)", "u_V", *map(form.format, ("min", "max"))])
+    (tmp_path / "r.csv").write_text(f"{head}\n{table(T, U, Y - 1, Y + 1)}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column=form.format("min"))
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * (Y - 1), rtol=1e-12)
+    assert found.output_units == ("m",)
+
+
+@pytest.mark.parametrize(("header", "unit"), [("duration_h", 3600.0), ("Dauer_min", 60.0), ("t1_min", 60.0)])
+def test_times_that_are_named_are_in_the_unit_behind_their_name(tmp_path: Path, header: str, unit: float) -> None:
+    """Unlike ``pos_h``, which may be a height."""
+    (tmp_path / "r.csv").write_text(f"{header},u_V,y_mm\n{plain()}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", time_column=header)
+    assert found.sample_time == pytest.approx(unit * DT)
 
 
 def test_a_meter_that_changes_its_range_gives_no_unit(tmp_path: Path) -> None:

@@ -116,6 +116,20 @@ def test_times_of_day_go_on_past_midnight(tmp_path: Path, form: str) -> None:
     assert (recording.sample_time, recording.n_samples) == (pytest.approx(0.5, rel=1e-6), 4)
 
 
+@pytest.mark.parametrize("form", ["h:mm", "d hh:mm:ss", "[h]:mm:ss"])
+@pytest.mark.parametrize("hours", [6.0, 24.0, 30.0])
+def test_times_over_many_days_are_counted_in_full(tmp_path: Path, form: str, hours: float) -> None:
+    """A workbook counts days from 1900, and shows of them what the form asks for."""
+    made = openpyxl.Workbook()
+    made.active.append(["Time", "U (V)", "remark", "x (mm)"])
+    for k in range(8):
+        made.active.append([0.5 + k * hours / 24, k, None, k])
+        made.active.cell(row=k + 2, column=1).number_format = form
+    made.save(tmp_path / "rec.xlsx")
+    recording = read_recording(tmp_path / "rec.xlsx", **ASKED)
+    assert (recording.sample_time, recording.n_samples) == (pytest.approx(3600 * hours, rel=1e-6), 8)
+
+
 def test_what_unpacks_to_too_much(tmp_path: Path, monkeypatch) -> None:
     path = book(tmp_path / "rec.xlsx", dates=False)
     monkeypatch.setattr(xlsx, "TEXT_BYTES", 1000)

@@ -113,6 +113,8 @@ from deatwin.plant.files.units import UNITS, find_unit
         ("Pos, in mm", "Pos", "mm"),
         ("strain (mm/mm)", "strain", "mm/mm"),
         ("c_Ns/m", "c", "N s/m"),
+        ("impulse_Ns", "impulse", "N s"),
+        ("Timestamp_Ns", "Timestamp", "ns"),
         ("pos_min", "pos_min", ""),
         ("pos_h", "pos_h", ""),
         ("t_min", "t", "min"),

@@ -83,14 +83,17 @@ def _lines(values: Any, formulas: Any) -> list[tuple[int, str]]:
 
 
 def _shown(cell: Any, *, in_percent: bool) -> object:
-    """Return the value of a cell as a workbook shows it: 50 for 0.5 shown as 50 %, and a time after midnight without its
-    day.
+    """Return the value of a cell in the unit that a workbook shows: 50 for 0.5 shown as 50 %, and hours since the first
+    midnight for a day of which it shows no year.
     """
     value = cell.value
     if in_percent and isinstance(value, int | float) and "%" in cell.number_format:
         return float(f"{100 * value:.15g}")
     of_day = isinstance(value, datetime) and value.year <= _FIRST_YEAR and "y" not in cell.number_format.lower()
-    return value.time() if of_day else value
+    if not of_day:
+        return value
+    days = int(require("openpyxl.utils.datetime", "an Excel workbook").to_excel(value))
+    return f"{24 * days + value.hour}:{value:%M:%S.%f}"
 
 
 def _text(cell: object) -> str:

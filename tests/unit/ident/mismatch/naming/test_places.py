@@ -80,6 +80,7 @@ def test_a_timing_error_beside_an_effect_is_no_second_cause():
     assert (found.verdict, jump.effect, found.rivals) == (Verdict.NAMED, "sensor_jump", ())
     change = jump.parameters["change"]
     assert abs(change.value - 2e-4) < change.high - change.low  # four deviations: by chance, once in 16,000
+    assert "Adding sensor jump and the timing error of the rig to the model lowers the error" in found.sentence
     # It stays in the model, whose predictions would otherwise be late.
     fitted = found.model.plant.parameters["delay.time"].value
     assert fitted == pytest.approx(late, rel=0.05)
