@@ -188,17 +188,15 @@ def read_commands(
     )[0]
 
 
-def read_recording(path: str | Path, *, allow_gaps: bool = False, **options: Unpack[_Options]) -> Recording:
+def read_recording(path: str | Path, **options: Unpack[_Options]) -> Recording:
     """Read a file that contains one recording without gaps.
 
     Parameters
     ----------
     path : str or Path
         File to read.
-    allow_gaps : bool, default False
-        Must be False, because a file with gaps holds several recordings, which `read_experiment` returns.
     **options
-        Options of `read_recordings`.
+        Options of `read_recordings` except `allow_gaps`.
 
     Returns
     -------
@@ -208,9 +206,9 @@ def read_recording(path: str | Path, *, allow_gaps: bool = False, **options: Unp
     Raises
     ------
     DataError
-        Same as for `read_recordings`; also if `allow_gaps` is True.
+        Same as for `read_recordings`; also for `allow_gaps`.
     """
-    if allow_gaps:
+    if "allow_gaps" in options:
         raise DataError(
             "read_recording returns one recording, but allow_gaps divides a file at its gaps: use read_experiment or "
             "read_recordings, which return all parts"

@@ -81,26 +81,28 @@ def test_a_place_is_listed_with_its_best_effect():
 @pytest.mark.parametrize("verdict", [Verdict.AMBIGUOUS, Verdict.PARTLY])
 def test_the_probability_of_an_explanation_is_that_of_its_effects_at_all_places(verdict):
     """The evidence's own, less the margin; what was tried and not offered keeps its share."""
-    effects = (Creep(), SensorDrift(), SensorDrift().placed("command"))
-    creep, drift, elsewhere = (effect.name for effect in effects)
+    effects = (Creep(), SensorDrift(), SensorDrift().placed("command"), Hysteresis())
+    creep, drift, elsewhere, _ = (effect.name for effect in effects)
     probabilities = {(creep,): 0.5, (drift,): 0.25, (elsewhere,): 0.15, (creep, drift): 0.07, (drift, creep): 0.03}
 
     def tried(*own):
-        plant = SimpleNamespace(effects=[effect for effect in effects if effect.name in own])
+        plant = Plant(rig=Diaphragm(), effects=tuple(effect for effect in effects if effect.name in own))
         return SimpleNamespace(effects=own, calibration=SimpleNamespace(plant=plant))
 
     findings = SimpleNamespace(
         named=True,
         verdict=verdict,
         answer=tried(drift),
-        problem=SimpleNamespace(everywhere=effects),
-        naming=SimpleNamespace(probabilities=probabilities, alternatives=(tried(creep),)),
+        naming=SimpleNamespace(
+            probabilities=probabilities,
+            candidates=tuple(tried(*names) for names in probabilities),
+            alternatives=(tried(creep),),
+        ),
     )
     found = {one.effects: one.probability for one in conclude._explanations(findings)}
     expected = {("sensor_drift",): 0.95 * 0.4, ("creep",): 0.95 * 0.5}
     assert found == ({} if verdict is Verdict.PARTLY else pytest.approx(expected))
     # one that evidence cannot compare is as likely as the answer, 0.25 of then 1.25
-    findings.problem.everywhere = effects = (*effects, Hysteresis())
     findings.naming.alternatives = (tried(creep), tried("hysteresis"))
     found = {one.effects: one.probability for one in conclude._explanations(findings)}
     expected = {("sensor_drift",): 0.95 * 0.32, ("creep",): 0.95 * 0.4, ("hysteresis",): 0.95 * 0.2}
