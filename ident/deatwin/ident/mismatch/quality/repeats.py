@@ -69,21 +69,37 @@ def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats 
     span = float(np.ptp(values))
     if starts.size < 2 or span == 0.0:
         return None
-    windows = np.lib.stride_tricks.sliding_window_view(values, width)[starts]
-    moving = np.ptp(windows, axis=1) > MOVES * span
-    starts, windows = starts[moving], windows[moving]
+    moving = np.concatenate([_ranges(c, width) for c in commands]) > MOVES * span
+    starts = starts[moving]
     if starts.size < 2:
         return None
-    again = _next_returns(windows / span)
+    marks = np.concatenate([_marks((c - values.min()) / span, width) for c in commands])[moving]
+    again = _next_returns(marks, SUMS * SAME * np.sqrt(width))
     return _pairs(starts[again >= 0], starts[again[again >= 0]], width, settling, sample_time)
 
 
-def _next_returns(windows: np.ndarray) -> np.ndarray:
+def _ranges(values: np.ndarray, width: int) -> np.ndarray:
+    """Return the range of the values in each window, shape (n - width + 1,), or empty."""
+    if values.size < width:
+        return np.zeros(0)
+    windows = np.lib.stride_tricks.sliding_window_view(values, width)
+    return np.asarray(windows.max(axis=1) - windows.min(axis=1))
+
+
+def _marks(values: np.ndarray, width: int) -> np.ndarray:
+    """Return two sums of each window with random weights, shape (n - width + 1, 2)."""
+    # Equal windows have equal sums for any weights; other windows hardly ever do. The windows would take gigabytes.
+    from scipy.signal import oaconvolve
+
+    if values.size < width:
+        return np.zeros((0, 2))
+    weights = np.random.default_rng(0).standard_normal((width, 2))
+    return np.stack([oaconvolve(values, column[::-1], mode="valid") for column in weights.T], axis=1)
+
+
+def _next_returns(marks: np.ndarray, tolerance: float) -> np.ndarray:
     """Return, for each window, the number of the next window with equal values; -1 if there is none."""
-    # Equal windows have equal sums for any weights; other windows hardly ever do.
-    count, width = windows.shape
-    marks = windows @ np.random.default_rng(0).standard_normal((width, 2))
-    tolerance = SUMS * SAME * np.sqrt(width)
+    count = len(marks)
     order = np.argsort(marks[:, 0], kind="stable")
     again = np.full(count, count)
     for apart in range(1, min(count, MOST_RETURNS)):

@@ -1,5 +1,7 @@
 """Where commands come back, and what comes back with them."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -73,3 +75,13 @@ def test_the_explainable_share_is_what_is_left_by_the_variance_within():
     # 9 of 13 parts of the variance repeat; 500 of them are drawn once, so that they scatter by 6 %
     assert repeatability(residual, found, NOISE).explainable == pytest.approx(9 / 13, rel=0.08)
     assert repeatability(residual, found, NOISE).within == pytest.approx(4e-12, rel=0.1)
+
+
+def test_windows_of_many_samples_are_not_held_in_memory():
+    """At 1 kHz a window has 2000 samples: all windows of 30,000 samples would take 480 MB, thirty arrays of them 7 MB."""
+    count = 30_000
+    tracemalloc.start()
+    find_repeats([np.random.default_rng(1).standard_normal(count)], 1e-3)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 30 * 8 * count
