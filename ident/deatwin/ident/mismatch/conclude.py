@@ -20,7 +20,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.criteria import held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import Naming, is_possible, normalised
-from deatwin.ident.mismatch.naming.places import causes_of, timing_error
+from deatwin.ident.mismatch.naming.places import causes_of, missing_effects, timing_error
 from deatwin.ident.mismatch.partly import unexplained
 from deatwin.ident.mismatch.quality.faults import faults_of
 from deatwin.ident.mismatch.refit.exchange import exchanged_lags
@@ -36,6 +36,7 @@ from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.model import Plant
+from deatwin.plant.prefixes import with_unit
 from deatwin.plant.words import spaced
 
 MARGIN = 0.05
@@ -208,12 +209,11 @@ def _indistinguishable(findings: Findings) -> tuple[IndistinguishablePair, ...]:
 def _late(findings: Findings) -> Iterator[str]:
     """Tell the timing error that the amended plant includes."""
     plant = findings.final.plant
-    for effect in (e for e in plant.effects if e.name in timing_error(findings.answer)):
+    for effect in timing_error(findings.answer):
         time = plant.parameters[f"{effect.name}.time"]
-        shown = Interval(value=time.value, low=time.value, high=time.value, unit=time.unit).shown
         yield (
             f"the amended model also includes a {effect.title or spaced(effect.name)} of "
-            f"{amount(number(shown.value), shown.unit)}, which counts as a timing error of the rig, not as missing physics"
+            f"{with_unit(time.value, time.unit)}, which counts as a timing error of the rig, not as missing physics"
         )
 
 
@@ -239,11 +239,8 @@ def _widened(plant: Plant) -> Iterator[str]:
 def _at_bounds(findings: Findings) -> Iterator[str]:
     """Warn of fitted parameters at a bound; for the rig's own ones, a wrong statement about the rig is a likely reason."""
     for name in findings.final.at_bound:
-        own = name in findings.problem.nominal.parameters
-        yield (
-            f"the fitted {spaced(name)} lies at a bound of its allowed range"
-            + own * ": check what is stated about the rig"
-        )
+        advice = ": check what is stated about the rig" if name in findings.problem.nominal.parameters else ""
+        yield f"the fitted {spaced(name)} lies at a bound of its allowed range{advice}"
 
 
 def _placed_unseen(findings: Findings) -> Iterator[str]:
@@ -282,10 +279,11 @@ def _in_words(explanation: Candidate) -> str:
 def _causes(findings: Findings) -> tuple[Cause, ...]:
     final, base, weights = findings.final, findings.base, _weights(findings)
     shares = shares_explained(base.chosen, findings.answer, findings.naming.candidates, base.noise)
+    missing = {effect.name for effect in missing_effects(findings.answer)}
     causes, every = [], findings.problem.everywhere
     for effect in final.plant.effects:
-        if effect.name not in findings.answer.effects or effect.name in timing_error(findings.answer):
-            continue  # the nominal plant has it already, or it is no cause
+        if effect.name not in missing:
+            continue  # the nominal plant has it already, or it is a timing error
         parameters = {}
         for parameter in effect.parameters:
             low, high = findings.intervals.interval(parameter.name)

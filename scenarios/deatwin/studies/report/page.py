@@ -111,13 +111,7 @@ def _places(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
             best = "any effect there" if place.score < HARDLY else one
             shares = {f"is explained by {best}": place.score, **shares}
         known = {what: max(share, 0.0) for what, share in shares.items() if share is not None}
-        rows.append(
-            (
-                max(known.values()),
-                name,
-                [f"{100 * share:.0f} % {what}" for what, share in known.items()],
-            )
-        )
+        rows.append((max(known.values()), name, [f"{100 * share:.0f} % {what}" for what, share in known.items()]))
     return [(name, shares) for _, name, shares in sorted(rows, key=lambda row: -row[0])]
 
 

@@ -7,45 +7,15 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
-from made_narx import bilinear
+from made_narx import bilinear, full_linear, full_narx
 
-from deatwin.ident.narx import NarxModel, OperatingRange, Rls, ThetaSmoother, validate
-from deatwin.ident.narx.linear import LinearModel
+from deatwin.ident.narx import NarxModel, Rls, ThetaSmoother, validate
 from deatwin.plant.errors import ModelError
 
-ROOT = np.random.default_rng(3).normal(size=(6, 6)) * 1e-2
-SIGNALS = {"output_names": ("displacement",), "output_units": ("m",), "provenance": {"file": "a.csv"}}
-FULL = NarxModel.from_terms(
-    {"y(k-1)": 0.5, "y(k-2)": -0.2, "u(k-1)": 0.3, "u(k)^2": 0.1, "y(k-1)^2u(k-2)": -0.05, "1": 0.02},
-    sample_time=0.1,
-    theta_cov=ROOT @ ROOT.T,
-    noise_variance=1e-3,
-    theta_dof=200.5,
-    input_names=("command",),
-    input_units=("V",),
-    input_origin=[40.0],
-    output_origin=[300.0],
-    operating=OperatingRange(
-        input_min=[-1], input_max=[1], input_centre=[0.1], output_min=[-0.9], output_max=[0.8], output_centre=[0.03]
-    ),
-    **SIGNALS,
-)
+FULL = full_narx(input_origin=[40.0], output_origin=[300.0])
 PLAIN = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=0.1)
 COUPLED = {"y1": {"y1(k-1)": 0.5, "y2(k-2)": 0.2}, "y2": {"y2(k-1)": -0.3, "y1(k-1)u(k-1)": 0.4}}
-LINEAR = LinearModel(
-    a=[1, -0.4],
-    b=([0, 1.0, 0.5], [0.3]),
-    c=[1, 0.3, 0.1],
-    d=[1, -0.7],
-    f=([1, -1.2, 0.5], [1, 0.6]),
-    offset=0.25,
-    theta_cov=np.diag(np.arange(1.0, 12.0)) / 3,
-    noise_variance=0.04,
-    sample_time=0.1,
-    input_names=("command", "temperature"),
-    input_units=("V", "K"),
-    **SIGNALS,
-)
+LINEAR = full_linear()
 RUNAWAY = NarxModel.from_terms({"y(k-1)": 1.0, "y(k-1)^3": 1.0, "u(k-1)": 1.0}, sample_time=0.1)
 UNSTABLE = NarxModel.from_terms({"y(k-1)": 1.1, "u(k-1)": 1.0}, sample_time=0.1)
 MADE = {

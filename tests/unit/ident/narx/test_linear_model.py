@@ -2,33 +2,13 @@
 
 import numpy as np
 import pytest
+from made_narx import full_linear
 from scipy.signal import lfilter
 
 from deatwin.ident.narx import ResponseStatus
 from deatwin.ident.narx.linear import LinearModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-
-def full_model():
-    """Two inputs, every polynomial, delays 1 and 0."""
-    cov = np.random.default_rng(3).normal(size=(11, 11)) * 1e-2
-    return LinearModel(
-        a=[1, -0.4],
-        b=([0, 1.0, 0.5], [0.3]),
-        c=[1, 0.3, 0.1],
-        d=[1, -0.7],
-        f=([1, -1.2, 0.5], [1, 0.6]),
-        offset=0.25,
-        theta_cov=cov @ cov.T,
-        noise_variance=0.04,
-        sample_time=0.1,
-        input_names=("command", "temperature"),
-        output_names=("displacement",),
-        input_units=("V", "K"),
-        output_units=("m",),
-        provenance={"file": "a.csv"},
-    )
 
 
 def by_filters(model, u, e):
@@ -39,14 +19,14 @@ def by_filters(model, u, e):
 def draw(seed=0, n=400, noise=0.0):
     rng = np.random.default_rng(seed)
     u, e = rng.normal(size=(2, n)), noise * rng.normal(size=n)
-    return Recording.from_arrays(u, by_filters(full_model(), u, e), 0.1), e
+    return Recording.from_arrays(u, by_filters(full_linear(), u, e), 0.1), e
 
 
 def test_free_run_finds_the_state_at_the_start_of_a_section():
     recording, _ = draw()
     section = recording.section(100, 400)
     for warmup, first in ((4, 6), (None, 2 + 40)):  # 4 poles, input lag 2
-        run = full_model().simulate(section, warmup=warmup)
+        run = full_linear().simulate(section, warmup=warmup)
         assert run.first == first and run.status.ok
         # exact but for rounding, amplified by the condition of the state's least squares (about 1e3)
         assert np.abs(run.residuals).max() < 1e-10
@@ -58,7 +38,7 @@ def test_only_the_warmup_of_the_output_is_used():
     spoilt = recording.outputs.copy()
     spoilt[:, 42:] = 99.0
     other = Recording.from_arrays(recording.inputs, spoilt, 0.1)
-    a, b = full_model().simulate(recording), full_model().simulate(other)
+    a, b = full_linear().simulate(recording), full_linear().simulate(other)
     np.testing.assert_array_equal(a.outputs[:, a.first :], b.outputs[:, a.first :])
 
 
@@ -73,12 +53,12 @@ def test_armax_is_a_narmax_model():
         model.predict(recording).outputs, narx.predict(recording).outputs, rtol=1e-12, atol=1e-13
     )
     with pytest.raises(ModelError, match="D and F"):
-        full_model().to_narx()
+        full_linear().to_narx()
 
 
 def test_one_step_predictions_leave_the_noise():
     recording, e = draw(noise=0.2)
-    run = full_model().predict(recording)
+    run = full_linear().predict(recording)
     # 3 states of F are set by 30 errors, with a deviation of about the noise's over sqrt(10); what is left of a
     # wrong state dies out with the slowest pole, |0.71|^k, and C's, 0.32^k
     assert run.first == 2 + 1 + 30
@@ -97,7 +77,7 @@ def test_an_unstable_run_is_a_status_with_its_time():
 
 
 def test_poles():
-    poles = np.sort_complex(full_model().poles)
+    poles = np.sort_complex(full_linear().poles)
     wanted = np.sort_complex(np.r_[0.4, -0.6, np.roots([1, -1.2, 0.5])])
     np.testing.assert_allclose(poles, wanted, atol=1e-14)
 
@@ -105,7 +85,7 @@ def test_poles():
 def test_python_control_gives_the_same_responses():
     import control
 
-    model = full_model()
+    model = full_linear()
     omega = np.array([0.1, 1.0, 10.0, 30.0])
     q = np.exp(-0.1j * omega)
     system = model.to_control()
@@ -125,7 +105,7 @@ def test_python_control_gives_the_same_responses():
 
 
 def test_what_does_not_suit_is_refused():
-    model = full_model()
+    model = full_linear()
     rng = np.random.default_rng(6)
     for recording, says in [
         (Recording.from_arrays(rng.normal(size=(2, 60)), rng.normal(size=60), 0.2), "sample time"),
@@ -148,7 +128,7 @@ def test_what_does_not_suit_is_refused():
 
 
 def test_it_prints_and_is_read_only():
-    text = str(full_model())
+    text = str(full_linear())
     assert "A = 1 - 0.4 q^-1" in text and "B1 = 0 + 1 q^-1 + 0.5 q^-2" in text and "offset = 0.25" in text
     with pytest.raises(ValueError):
-        full_model().b[0][0] = 1.0
+        full_linear().b[0][0] = 1.0

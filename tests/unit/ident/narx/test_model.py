@@ -2,36 +2,16 @@
 
 import numpy as np
 import pytest
+from made_narx import full_narx
 
-from deatwin.ident.narx import NarxModel, OperatingRange, ResponseStatus
+from deatwin.ident.narx import NarxModel, ResponseStatus
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-TERMS = {"y(k-1)": 0.5, "y(k-2)": -0.2, "u(k-1)": 0.3, "u(k)^2": 0.1, "y(k-1)^2u(k-2)": -0.05, "1": 0.02}
 
 
 def make_recording(n=200, seed=0, sample_time=0.1):
     rng = np.random.default_rng(seed)
     return Recording.from_arrays(rng.uniform(-1, 1, n), rng.uniform(-1, 1, n), sample_time, start=5.0)
-
-
-def full_model():
-    cov = np.random.default_rng(3).normal(size=(6, 6))
-    return NarxModel.from_terms(
-        TERMS,
-        sample_time=0.1,
-        theta_cov=cov @ cov.T,
-        noise_variance=1e-3,
-        theta_dof=200.5,
-        input_names=("command",),
-        output_names=("displacement",),
-        input_units=("V",),
-        output_units=("m",),
-        operating=OperatingRange(
-            input_min=[-1], input_max=[1], input_centre=[0.1], output_min=[-0.9], output_max=[0.8], output_centre=[0.03]
-        ),
-        provenance={"file": "a.csv"},
-    )
 
 
 def by_hand(u, y, k):
@@ -40,7 +20,7 @@ def by_hand(u, y, k):
 
 def test_predict_uses_the_measured_past_and_simulate_its_own():
     recording = make_recording()
-    model = NarxModel.from_terms(TERMS, sample_time=0.1)
+    model = full_narx()
     u, y = recording.inputs[0], recording.outputs[0]
     run, step = list(y[:2]), list(y[:2])
     for k in range(2, u.size):
@@ -72,7 +52,7 @@ def test_a_model_without_lags_is_a_map():
 
 
 def test_plot_has_units():
-    axes = full_model().simulate(make_recording()).plot()
+    axes = full_narx().simulate(make_recording()).plot()
     assert axes.get_xlabel() == "time (s)" and "(m)" in axes.get_ylabel()
 
 

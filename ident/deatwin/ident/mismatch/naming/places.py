@@ -9,6 +9,7 @@ from deatwin.ident.mismatch.likelihood.beforehand import LATEST
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.criteria import takes_most
 from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.delay import Delay
 from deatwin.plant.effects.sensor_lag import SensorLag
 
@@ -18,19 +19,27 @@ _LATE = frozenset({Delay.name, SensorLag.name})
 
 def causes_of(candidate: Candidate) -> tuple[str, ...]:
     """Return the names of a candidate's effects, without their places, and without the timing error of the rig."""
+    return tuple(effect.cause for effect in missing_effects(candidate))
+
+
+def missing_effects(candidate: Candidate) -> tuple[Effect, ...]:
+    """Return a candidate's effects without the timing error of the rig."""
     timing = timing_error(candidate)
-    effects = (e for e in candidate.calibration.plant.effects if e.name in candidate.effects)
-    return tuple(e.cause for e in effects if e.name not in timing)
+    return tuple(effect for effect in _added(candidate) if effect not in timing)
 
 
-def timing_error(candidate: Candidate) -> tuple[str, ...]:
+def timing_error(candidate: Candidate) -> tuple[Effect, ...]:
     """Return the delays and lags beside a candidate's other effects that are no longer than a rig's timing error."""
     # Triggers, filters and the neglected dynamics of the rig make it late, which is no missing physics.
     plant = candidate.calibration.plant
     latest = LATEST * plant.rig.sample_time
-    added = [e for e in plant.effects if e.name in candidate.effects]
-    short = [e.name for e in added if e.cause in _LATE and plant.parameters[f"{e.name}.time"].value <= latest]
-    return tuple(short) if len(short) < len(added) else ()
+    added = _added(candidate)
+    short = tuple(e for e in added if e.cause in _LATE and plant.parameters[f"{e.name}.time"].value <= latest)
+    return short if len(short) < len(added) else ()
+
+
+def _added(candidate: Candidate) -> list[Effect]:
+    return [effect for effect in candidate.calibration.plant.effects if effect.name in candidate.effects]
 
 
 def without_places(naming: Naming) -> tuple[Naming, tuple[Candidate, ...]]:
@@ -40,8 +49,7 @@ def without_places(naming: Naming) -> tuple[Naming, tuple[Candidate, ...]]:
     if naming.best is None:
         return naming, ()
     best, rig = naming.best, naming.base.calibration.plant.rig
-    effects = (e for e in best.calibration.plant.effects if e.name in best.effects)
-    is_open = rig.start.hold == 0.0 and any(e.cycle(()) > 0.0 and (e.places or e.placed_at) for e in effects)
+    is_open = rig.start.hold == 0.0 and any(e.cycle(()) > 0.0 and (e.places or e.placed_at) for e in _added(best))
     known = [c for c in naming.candidates if takes_most(c, naming.base)] if is_open else naming.alternatives
     elsewhere = tuple(c for c in known if _is_elsewhere(c, [best]))
     others: list[Candidate] = []

@@ -69,19 +69,18 @@ def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats 
     span = float(np.ptp(values))
     if starts.size < 2 or span == 0.0:
         return None
-    moving = np.concatenate([_ranges(c, width) for c in commands]) > MOVES * span
+    long_enough = [c for c in commands if c.size >= width]
+    moving = np.concatenate([_ranges(c, width) for c in long_enough]) > MOVES * span
     starts = starts[moving]
     if starts.size < 2:
         return None
-    marks = np.concatenate([_marks((c - values.min()) / span, width) for c in commands])[moving]
+    marks = np.concatenate([_marks((c - values.min()) / span, width) for c in long_enough])[moving]
     again = _next_returns(marks, SUMS * SAME * np.sqrt(width))
     return _pairs(starts[again >= 0], starts[again[again >= 0]], width, settling, sample_time)
 
 
 def _ranges(values: np.ndarray, width: int) -> np.ndarray:
-    """Return the range of the values in each window, shape (n - width + 1,), or empty."""
-    if values.size < width:
-        return np.zeros(0)
+    """Return the range of the values in each window, shape (n - width + 1,)."""
     windows = np.lib.stride_tricks.sliding_window_view(values, width)
     return np.asarray(windows.max(axis=1) - windows.min(axis=1))
 
@@ -91,8 +90,6 @@ def _marks(values: np.ndarray, width: int) -> np.ndarray:
     # Equal windows have equal sums for any weights; other windows hardly ever do. The windows would take gigabytes.
     from scipy.signal import oaconvolve
 
-    if values.size < width:
-        return np.zeros((0, 2))
     weights = np.random.default_rng(0).standard_normal((width, 2))
     return np.stack([oaconvolve(values, column[::-1], mode="valid") for column in weights.T], axis=1)
 
