@@ -245,7 +245,7 @@ class VerificationSummary:
     counts : bool or None
         True if the explanation is accepted even if `gain_low` is not positive. The mean square residual must then
         decrease significantly over all data. On held-out data, it must decrease by more than the square of the model
-        error, and by more than half of the amount by which, without the explanation, it exceeds the noise variance.
+        error, and its excess over the noise variance must at least be halved.
     ablation : tuple of Ablation
         For each effect, the result when this effect is removed and all other parameters are refitted.
     shams : tuple of PlaceboSummary

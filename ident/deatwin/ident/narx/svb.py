@@ -41,8 +41,8 @@ class SvbNarx(CandidateSearch):
     clean-up (``clean_up="evidence"``), which is not part of the published algorithm, therefore continues the search.
     The clean-up removes, adds or exchanges one term at a time, always in the way that gives the most probable
     structure, until no change increases the probability. The clean-up runs twice. The first run starts from the most
-    probable of these structures: that of the step with the largest bound, and those of all later steps. The second run
-    starts from the last step. The more probable result is kept. The probability of a structure follows from its exact
+    probable structure among those of the step with the largest bound and of all later steps. The second run starts
+    from the structure of the last step. The more probable result is kept. The probability of a structure follows from its exact
     evidence under a unit-information prior and a prior that takes the number of candidates into account; see
     `deatwin.ident.narx.evidence`. The parameters always have their variational posterior.
 

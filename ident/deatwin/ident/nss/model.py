@@ -38,14 +38,14 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
 
     x are the states, y the outputs and e the noise of the readings. The regressors phi are 1, the states, the inputs
     and the terms. A term is a product of powers and functions of states (x1, x2, ...), inputs (u, or u1, u2, ...) and
-    directions (s1, s2, ...). The directions are weighted sums of the regressors, s = P phi; terms in a direction may
-    contain earlier directions only. In these equations, each input and output is scaled: its origin is subtracted, and
+    directions (s1, s2, ...). A direction is a weighted sum of the regressors, s = P phi; the terms in this sum may
+    contain directions of lower number only. In these equations, each input and output is scaled: its origin is subtracted, and
     the result is divided by its scale.
 
     Parameters
     ----------
     terms : sequence of str
-        Nonlinear terms, such as ``"x1^2 u"``, ``"|x2|"`` or ``"tanh(s1,1)"``.
+        Nonlinear terms, such as ``"x1^2 u"``, ``"|x2|"`` or ``"tanh(s1,1)"``, which is tanh(s1/1).
     transition : array_like, shape (n_states, n_regressors)
         Matrix W. Its columns are the weights of 1, the states, the inputs and the terms, in this order.
     output : array_like, shape (n_outputs, n_regressors)

@@ -18,12 +18,13 @@ class ElectrodeRC(Effect):
 
     :math:`V_a` is the amplifier's voltage and V the film's voltage. C(q) is the film's capacitance, which depends on
     the film's shape q, and :math:`C_0` is its value at rest. :math:`C_p` is the capacitance in parallel with the film
-    behind the resistance R: cable, probe, output filter of a converter. Divided by :math:`C_0 + C_p`, the equation is
+    behind the resistance R: cable, probe, output filter of a converter. With :math:`\chi`, the
+    charge divided by :math:`C_0 + C_p`, the equation is
 
     .. math:: \tau\dot\chi = V_a - V, \qquad V = \chi/c, \qquad c = 1 + s\,\Bigl(\frac{C(q)}{C_0} - 1\Bigr), \qquad
               s = \frac{C_0}{C_0 + C_p}
 
-    The effect has one state :math:`\chi` (V), the charge divided by :math:`C_0 + C_p`. A part of the electrode that
+    The effect has one state, :math:`\chi` (V). A part of the electrode that
     loses contact (`electrode_loss`) takes along its share of C(q) and of the charge, so that the voltage does not jump.
     Typical: :math:`\tau` is 0.1 ms or less with fresh carbon grease, and 10 to 300 ms with dried grease or a bad
     contact (10 to 100 MΩ, 1 to 3 nF).

@@ -25,9 +25,9 @@ class EndStop(Effect):
     k = 100 N/m for foam; λ = 20 s/m, which takes 22 % of the energy of an impact at 10 mm/s. A stop of 3 kN/m is 100
     times stiffer than the film and practically rigid.
 
-    Signature: no effect at :math:`y < y_s`. At :math:`y > y_s`, the stroke grows by only :math:`k_f/(k_f + k)` of its
-    growth without a stop, at any voltage and frequency; :math:`k_f` is the film's stiffness. The ball's ringing is cut
-    off on one side. An `amplifier_saturation` limits the stroke, too, but does not keep the ball from overshooting. The
+    Signature: no effect at :math:`y < y_s`. At :math:`y > y_s` and well below the resonance, the stroke grows by only
+    :math:`k_f/(k_f + k)` of its growth without a stop; :math:`k_f` is the film's stiffness. :math:`y_s` is the same at
+    any voltage and frequency. The ball's ringing is cut off on one side. An `amplifier_saturation` limits the stroke, too, but does not keep the ball from overshooting. The
     effect is off at k = 0.
 
     Parameters

@@ -45,7 +45,7 @@ class Verification(Described):
     counts : bool
         True if the explanation is accepted even if `gain_low` is not positive. The mean square residual must then
         decrease significantly over all data. On held-out data, it must decrease by more than the square of the model
-        error, and by more than half of the amount by which, without the explanation, it exceeds the noise variance.
+        error, and its excess over the noise variance must at least be halved.
     ablations : tuple of Ablation
         For each effect, the result when this effect is removed and all other parameters are refitted.
     shams : tuple of Placebo
@@ -64,7 +64,7 @@ class Verification(Described):
         The plant with the explanation, calibrated on all data. None if this was not needed.
     perhaps_absent : tuple of str
         Names of the effects whose strength may be zero: its 95 % interval includes zero, at the fitted values of the
-        effect's other parameters. Empty for a single effect, whose absence the detection tests.
+        effect's other parameters. Empty if there is only one effect: the detection has tested whether it is absent.
     one_clock : tuple of str
         Names of two effects with the same time constant, which may be a single effect of another kind. Empty if there
         are none.
