@@ -22,6 +22,7 @@ from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import Naming, is_possible, normalised
 from deatwin.ident.mismatch.naming.places import causes_of, missing_effects, timing_error
 from deatwin.ident.mismatch.partly import unexplained
+from deatwin.ident.mismatch.quality.factor import factors
 from deatwin.ident.mismatch.quality.faults import faults_of
 from deatwin.ident.mismatch.refit.exchange import exchanged_lags
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
@@ -37,6 +38,7 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.prefixes import with_unit
+from deatwin.plant.recording import label
 from deatwin.plant.words import spaced
 
 MARGIN = 0.05
@@ -87,6 +89,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *_late(findings),
             *_placed_unseen(findings),
             *_form(findings),
+            *_scaled(findings),
             *_variants_of_alternatives(findings),
             *(
                 f"{name} was not tried, because the model with this effect could not be simulated"
@@ -258,6 +261,15 @@ def _form(findings: Findings) -> list[str]:
         f"the recordings fit a rig with {name} = {found[name]!r} better than one with {name} = {value!r}"
         for name, value in stated.items()
     ]
+
+
+def _scaled(findings: Findings) -> Iterator[str]:
+    """Warn if readings are a multiple of the nominal model's that no calibration reaches."""
+    for part, factor in factors(findings.problem, findings.base.chosen.calibration.plant):
+        yield (
+            f"{label(part.experiment.recordings[0])}: {factor:.3g} times the readings of the nominal model explain most of "
+            "the readings, but no calibration does: check the units of the readings and of the command, and the gain"
+        )
 
 
 def _variants_of_alternatives(findings: Findings) -> Iterator[str]:

@@ -26,6 +26,7 @@ from deatwin.ident.mismatch.partly import acting, explains_all
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.quality.beside import without_faults
+from deatwin.ident.mismatch.quality.factor import require_same_scale
 from deatwin.ident.mismatch.quality.gaps import without_unknown
 from deatwin.ident.mismatch.quality.quality import DataQuality, Soundness, check_quality, confirm
 from deatwin.ident.mismatch.refit.base import Base, beside_alternatives
@@ -85,7 +86,8 @@ def diagnose(
     Raises
     ------
     DataError
-        If the recordings cannot be diagnosed; `check_quality` lists the reasons.
+        If the recordings cannot be diagnosed; `check_quality` lists the reasons. Also if readings fall where those of
+        the model rise, or differ from them as if they had another unit.
     ModelError
         If `plant` is not a Plant or there are too few samples for its parameters. Also if `seed` is not an integer of
         at least 0, or `jobs` is neither -1 nor an integer of at least 1.
@@ -114,6 +116,7 @@ def diagnose(
     if usable is not checked:
         checked = usable
         problem, base = prepare(plant, checked, effects, jobs=jobs)
+    require_same_scale(problem, base.chosen.calibration.plant)
     for variant in (base.chosen, *base.alternatives):  # faults of the readings stand out in every variant
         checked = confirm(checked, readings(variant.calibration.plant, checked.experiments))
     keep(quality_step(checked))
