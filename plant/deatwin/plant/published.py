@@ -150,8 +150,16 @@ def _elastic(name: str, value: float, lower: float, upper: float, source: str) -
     )
 
 
-def _dielectric(value: float, lower: float, upper: float, source: str) -> Parameter:
-    return replace(_permittivity(value, source), lower=lower, upper=upper)
+def _in_rigs(material: Material) -> Material:
+    """Return a material whose moduli have ranges from half the lowest to twice the highest published value.
+
+    Errors in the thickness, prestretch and gain that are stated of a rig act like other moduli and permittivities.
+    """
+    moduli = (
+        replace(p, lower=p.lower / 2, upper=p.upper * 2) if p.scale is Scale.LOGARITHMIC and p.unit == "Pa" else p
+        for p in material.elastic
+    )
+    return replace(material, elastic=tuple(moduli))
 
 
 _TENSILE = (
@@ -185,7 +193,7 @@ def _rubbers() -> tuple[Material, ...]:
                     "from memory",
                 ),
             ),
-            permittivity=_dielectric(2.8, 2.6, 3.0, _WACKER),
+            permittivity=_permittivity(2.8, f"2.6 to 3.0, {_WACKER}"),
             breakdown=BreakdownLaw(
                 field=80e6,
                 thickness=100e-6,
@@ -209,7 +217,7 @@ def _rubbers() -> tuple[Material, ...]:
                     "is unconfirmed",
                 ),
             ),
-            permittivity=_dielectric(2.7, 2.5, 2.9, _SHEET),
+            permittivity=_permittivity(2.7, _SHEET),
             density=1030.0,
         ),
         Material(
@@ -219,7 +227,7 @@ def _rubbers() -> tuple[Material, ...]:
                 _elastic("shear_modulus", 590e3, 300e3, 700e3, _AKBARI),
                 _elastic("stretch_limit", 30.04, 15.0, 1e4, _AKBARI),
             ),
-            permittivity=_dielectric(2.8, 2.5, 3.1, f"as the public code that quotes {_AKBARI.partition(';')[0]}"),
+            permittivity=_permittivity(2.8, f"as the public code that quotes {_AKBARI.partition(';')[0]}"),
             density=1120.0,
         ),
         Material(
@@ -230,7 +238,7 @@ def _rubbers() -> tuple[Material, ...]:
                 _elastic("C2", 167.0, -500.0, 1e3, f"{wide}; {_SOROTOKI} has 242, 100 and -200 Pa"),
                 _elastic("C3", -6.6, -20.0, 30.0, f"{wide}; {_SOROTOKI} has -0.6, 0 and 23 Pa"),
             ),
-            permittivity=_dielectric(2.8, 2.4, 3.2, _SHEET),
+            permittivity=_permittivity(2.8, _SHEET),
             density=1070.0,
         ),
         Material(
@@ -241,7 +249,7 @@ def _rubbers() -> tuple[Material, ...]:
                 _elastic("C2", 250.0, -2e3, 5e3, f"{_SOROTOKI}; the only source, so the range is a guess"),
                 _elastic("C3", 23.0, -200.0, 200.0, f"{_SOROTOKI}; the only source, so the range is a guess"),
             ),
-            permittivity=_dielectric(2.8, 2.4, 3.2, _SHEET),
+            permittivity=_permittivity(2.8, _SHEET),
             density=1070.0,
         ),
         Material(
@@ -252,7 +260,7 @@ def _rubbers() -> tuple[Material, ...]:
                 _elastic("C2", 9.19e3, 0.0, 15e3, f"{wide}; {_SOROTOKI} has 1.6 kPa"),
                 _elastic("C3", -362.0, -1e3, 100.0, f"{wide}; {_SOROTOKI} has 0"),
             ),
-            permittivity=_dielectric(2.8, 2.4, 3.2, _SHEET),
+            permittivity=_permittivity(2.8, _SHEET),
             density=1080.0,
         ),
         Material(
@@ -262,7 +270,7 @@ def _rubbers() -> tuple[Material, ...]:
                 _elastic("shear_modulus", 336e3, 250e3, 600e3, f"{small}; the range is a guess"),
                 _elastic("stretch_limit", 7.46, 5.0, 1e4, small),
             ),
-            permittivity=_dielectric(2.7, 2.5, 2.9, _SHEET),
+            permittivity=_permittivity(2.7, _SHEET),
             density=1020.0,
         ),
         Material(
@@ -276,7 +284,7 @@ def _rubbers() -> tuple[Material, ...]:
                 _elastic("mu3", -10e3, -50e3, 0.0, _TRELOAR),
                 _elastic("alpha3", -2.0, -3.0, -1.0, _TRELOAR),
             ),
-            permittivity=_dielectric(2.7, 2.3, 3.2, "handbooks: 2.4 to 3; unconfirmed: from memory"),
+            permittivity=_permittivity(2.7, "handbooks: 2.4 to 3; unconfirmed: from memory"),
             density=950.0,
         ),
     )
@@ -302,7 +310,7 @@ def _unknown() -> tuple[Material, ...]:
             _elastic("locking_stretch", 6.0, 3.8, 1e4, _SOFT),
         ),
     }
-    permittivity = _dielectric(3.0, 2.0, 10.0, "start of a fit: silicones have 2.5 to 3.2, acrylics 3.5 to 4.8")
+    permittivity = _permittivity(3.0, "start of a fit: silicones have 2.5 to 3.2, acrylics 3.5 to 4.8")
     return tuple(
         Material(name=energy.__name__, energy=energy, elastic=elastic, permittivity=permittivity)
         for energy, elastic in energies.items()
@@ -310,7 +318,10 @@ def _unknown() -> tuple[Material, ...]:
 
 
 PUBLISHED: Mapping[str, Material] = MappingProxyType(
-    {entry.name: entry for entry in (_common("VHB 4905"), _common("VHB 4910"), *_published(), *_rubbers())}
+    {
+        entry.name: entry
+        for entry in (_common("VHB 4905"), _common("VHB 4910"), *_published(), *map(_in_rigs, _rubbers()))
+    }
 )
 """Published materials by name."""
 UNKNOWN: Mapping[str, Material] = MappingProxyType({entry.name: entry for entry in _unknown()})

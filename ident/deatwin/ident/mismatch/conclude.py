@@ -89,6 +89,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *_late(findings),
             *_placed_unseen(findings),
             *_form(findings),
+            *_restated(findings),
             *_scaled(findings),
             *_variants_of_alternatives(findings),
             *(
@@ -258,9 +259,26 @@ def _form(findings: Findings) -> list[str]:
     """Warn if the recordings contradict the rig file, or fit one of its interpretations better."""
     stated, found = differences([findings.problem.nominal.rig, findings.final.plant.rig])
     return [
-        f"the recordings fit a rig with {name} = {found[name]!r} better than one with {name} = {value!r}"
+        f"the recordings fit a rig with {name} = {_short(found[name])} better than one with {name} = {_short(value)}"
         for name, value in stated.items()
     ]
+
+
+def _restated(findings: Findings) -> Iterator[str]:
+    """Tell with which other number of the rig the recordings could also be explained."""
+    nominal = findings.problem.nominal.rig
+    for variant in findings.restated:
+        stated, found = differences([nominal, variant.calibration.plant.rig])
+        for name, value in stated.items():
+            yield (
+                f"a rig with {name} = {_short(found[name])} instead of {_short(value)} would also explain the recordings, "
+                "without any effect: check this number"
+            )
+
+
+def _short(value: object) -> str:
+    """Write a field of a rig; a fitted number with four digits."""
+    return f"{value:.4g}" if isinstance(value, float) else repr(value)
 
 
 def _scaled(findings: Findings) -> Iterator[str]:

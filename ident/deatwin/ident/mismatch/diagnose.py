@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.excess import excess_of
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.locate.location import locate
 from deatwin.ident.mismatch.locate.track import readings
+from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried, with_all_distances
 from deatwin.ident.mismatch.naming.name import explanations
@@ -31,6 +32,7 @@ from deatwin.ident.mismatch.quality.gaps import without_unknown
 from deatwin.ident.mismatch.quality.quality import DataQuality, Soundness, check_quality, confirm
 from deatwin.ident.mismatch.refit.base import Base, beside_alternatives
 from deatwin.ident.mismatch.refit.exchange import with_exchanged_lags
+from deatwin.ident.mismatch.refit.restated import restated
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, quality_step
 from deatwin.ident.mismatch.verdict import Verdict
@@ -166,6 +168,17 @@ def diagnose(
     base = base.in_variant_of(naming.base).with_stages(max(plant.stages, problem.nominal.stages))
     naming, elsewhere = without_places(naming)
     verdict = _verdict(problem, checked, base, detection, naming, verification, stands, part is not None)
+    doubted = verdict.has_causes and _contradicts_the_rig(naming.best, problem)
+    numbers: list[tuple[Candidate, Detection]] = []
+    if doubted or verdict in (Verdict.UNKNOWN, Verdict.AMBIGUOUS):
+        tell(0.82, "looking for a wrong number in the description of the rig")
+        numbers = _with_a_number_restated(problem, base, for_rest)
+        if numbers and (doubted or verdict is Verdict.UNKNOWN):
+            (other, detection), *numbers = numbers
+            base, location = base.in_variant_of(other), None
+            keep(base_step(problem, base))
+            keep(found_step("detect", detection))
+            naming, verdict = nothing_tried(base.chosen), Verdict.PARAMETERS
     answer = naming.best if naming.best is not None and verdict.has_causes else base.chosen
     left = locate(answer, problem, checked, for_rest) if verdict is Verdict.PARTLY else None
 
@@ -203,6 +216,7 @@ def diagnose(
             final=with_exchanged_lags(final, problem.everything),
             left=left,
             elsewhere=elsewhere if answer is naming.best else (),
+            restated=tuple(variant for variant, _ in numbers),
         )
     )
     tell(1.0, "done")
@@ -252,6 +266,23 @@ def _in_a_variant_that_lacks_nothing(
         if not again.mismatch and again.taken_up is None:
             return base.in_variant_of(alternative), again
     return base, seen
+
+
+def _contradicts_the_rig(explanation: Candidate | None, problem: DiagnosisProblem) -> bool:
+    """Return whether an explanation has a parameter of the rig at a bound, although its value was known beforehand."""
+    at_bound = () if explanation is None else explanation.calibration.at_bound
+    known = problem.nominal.parameters
+    return any(name in known and not known[name].guessed for name in at_bound)
+
+
+def _with_a_number_restated(
+    problem: DiagnosisProblem, base: Base, rng: np.random.Generator
+) -> list[tuple[Candidate, Detection]]:
+    """Return the base plant with one number of the rig changed, for each number with which it then lacks nothing, and
+    what is detected there.
+    """
+    tested = [(variant, detect(variant, problem, rng)) for variant in restated(problem, base.chosen)]
+    return [(variant, seen) for variant, seen in tested if not seen.mismatch and seen.taken_up is None]
 
 
 def _verdict(

@@ -56,6 +56,9 @@ class Findings:
         Location of the mismatch that the answer leaves; None unless the verdict is `partly`.
     elsewhere : tuple of Candidate
         Candidates with the effects of the answer at other places, which the recordings cannot rule out.
+    restated : tuple of Candidate
+        The base plant with one number of the rig changed, for each number with which the recordings could also be
+        explained without any effect.
     """
 
     problem: DiagnosisProblem
@@ -72,6 +75,7 @@ class Findings:
     final: Calibration
     left: Location | None = None
     elsewhere: tuple[Candidate, ...] = ()
+    restated: tuple[Candidate, ...] = ()
 
     @property
     def named(self) -> bool:

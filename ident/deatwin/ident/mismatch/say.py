@@ -85,11 +85,21 @@ def _parameters(diagnosis: Diagnosis) -> list[str]:
     late = diagnosis.parameters.get("delay.time") if taken_up else None
     return [
         "the recordings show no missing physics: only parameters of the model were wrong",
+        _restated(diagnosis),
         _changed(diagnosis),
         _left(_of_first(diagnosis)),
         f"after a fit to all recordings, {_accounted(diagnosis)}" if taken_up else _accounted(diagnosis),
         "" if late is None else f"the fit to all recordings includes a dead time of {_with_interval(late)}",
     ]
+
+
+def _restated(diagnosis: Diagnosis) -> str:
+    """Name the numbers of the rig that differ from the stated ones."""
+    form = diagnosis.forms[0].form if diagnosis.forms else {}
+    numbers = [f"{spaced(name)} = {number(value)}" for name, value in form.items() if isinstance(value, float)]
+    return (
+        f"the recordings fit a rig with {listed(numbers)} (in SI units) better than the nominal one" if numbers else ""
+    )
 
 
 def _changed(diagnosis: Diagnosis) -> str:
