@@ -16,8 +16,9 @@ from deatwin.ident.mismatch.refit.search import DECIDING, EVALUATIONS
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.rigs.base import Rig
 
-FARTHEST = float(np.log(2.0))
-"""Largest logarithm of the factor by which a stated number may be wrong: a diameter in place of a radius."""
+FARTHEST = float(np.log(3.0))
+"""Largest logarithm of the factor by which a number may change: a diameter in place of a radius is a factor of two, and
+steps may pass it."""
 NEAR = DATA_SHEET
 """Largest step of this logarithm, within which the readings are nearly linear in it."""
 STEP, SETTLED = 0.01, 1e-4
