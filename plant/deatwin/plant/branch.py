@@ -1,7 +1,6 @@
-"""Equilibria of a plant along the command: the end of a branch in a fold, and snaps of a simulation to another one.
+"""Equilibria of a plant along the command, and the snaps of a simulation from one to another.
 
-In a fold the tangent of the equations of rest is singular: the film's stiffness is zero there, and negative beyond. A
-film that passes a fold snaps to another equilibrium, or pulls in if there is none.
+In a fold the film's stiffness is zero; a film that passes a fold snaps to another equilibrium, or pulls in.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Published materials of dielectric elastomers: each value with its source, and the spread between sources as range.
 
-*Unconfirmed* marks a value that is quoted as later literature, a public code or memory has it: check it before citing.
+*Unconfirmed* values are quoted from later literature, public code or memory: check them before citing.
 """
 
 from __future__ import annotations

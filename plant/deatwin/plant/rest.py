@@ -1,7 +1,6 @@
 """The state of rest of a plant, and how it moves with the parameters.
 
-A state that no equation of rest depends on, such as an angle that nothing turns back or a charge without a leak, is a
-*free integrator*: an experiment starts at the rig's guess of it, and all else is at rest.
+A *free integrator*, a state on which no equation of rest depends, keeps the rig's guess.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Linearisation of one sample of a plant about rest, as the matrices of a sampled linear system.
-
-The step (x, u) -> (x+, y) solves the equations of `deatwin.plant.integrator.collocation`, so its exact derivatives
-follow from the implicit function theorem: one linear system, with a right side for each state and each input.
-"""
+"""Linearisation of one sample of a plant about rest, by the implicit function theorem on its step."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""Fits from several starts: what one descent says is a minimum need not be the least.
+"""Fits from several starts, because one descent may end in a minimum that is not the least.
 
-Where small errors of a parameter grow along a record, as in a pendulum that turns over, the error over the whole record
-has many minima, and that over its opening has few. So each start first follows openings that grow by doubling, and
-only then the whole.
+If small errors grow along a record, its opening has fewer minima: each start first fits openings that double in length.
 """
 
 from __future__ import annotations

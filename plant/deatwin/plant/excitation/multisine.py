@@ -1,8 +1,4 @@
-"""Periodic sums of sines with power on chosen lines only.
-
-On a multisine of odd harmonics even nonlinearities (a film's stress goes with V²) answer on even lines only,
-odd ones on odd lines; odd lines that are left out of the excitation show the odd nonlinearities.
-"""
+"""Periodic sums of sines with power on chosen lines, which separate odd from even nonlinearities."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -1,7 +1,6 @@
-"""Simulation of a foreign model between the effects before and behind it, with derivatives by differences.
+"""Simulation of a foreign model between the effects before and after it, with derivatives by differences.
 
-The equations of drive and sensor run twice. A first run gives the commands, and the parameters that vary; with these
-the model is called; in a second run its readings, linear within a sample, pass the sensor.
+A first run of the equations gives the model's inputs; in a second run, its readings pass the sensor.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""C code that evaluates one function at several points at once, one per lane of vectors as GCC and Clang have them.
-
-CasADi's code for one point would wait for each division in turn.
-"""
+"""C code that evaluates one function at several points at once, one per lane of a vector (GCC and Clang)."""
 
 from __future__ import annotations
 
