@@ -152,7 +152,7 @@ def with_equations(
 
 def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: LinearStep) -> Linear:
     timeline, rig = plant.timeline(part.experiment), plant.rig
-    at = np.concatenate([r[m] for r, m in zip(timeline.readings, part.masks, strict=True)])
+    at = part.counted(timeline)
     n = int(at.max()) + 1
     run = plant.simulator.run(**plant.given(timeline, n))
     if not run.status.ok:
