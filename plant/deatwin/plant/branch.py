@@ -35,7 +35,9 @@ ACTED_ON = "film_voltage"  # Signal of a rig with a film
 Step = Callable[[float, np.ndarray], np.ndarray | None]
 
 
-def branch_step(equations: Equations, rest: RestState, start: float, values: np.ndarray) -> Step:
+def branch_step(
+    equations: Equations, rest: RestState, start: float, values: np.ndarray, farthest: float = RUNAWAY
+) -> Step:
     """Find an equilibrium near another one, under a changed command. Shapes: `values` (n_p,)."""
 
     def distance(one: np.ndarray, other: np.ndarray) -> float:
@@ -50,7 +52,7 @@ def branch_step(equations: Equations, rest: RestState, start: float, values: np.
     def step(command: float, here: np.ndarray) -> np.ndarray | None:
         tried = rest_state(equations, command, values, guess=here)
         there = np.concatenate([tried.x, tried.z])
-        near = tried.found and distance(there, here) < FURTHEST and distance(there, first) < RUNAWAY
+        near = tried.found and distance(there, here) < FURTHEST and distance(there, first) < farthest
         return there if near and sign(command, there) == at_rest else None
 
     return step

@@ -53,8 +53,7 @@ class StaticCurve(Described):
 
     References
     ----------
-    F. N. Fritsch and R. E. Carlson, "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17 (1980)
-    238-246.
+    Fritsch & Carlson, SIAM J. Numer. Anal. 17 (1980) 238-246 (monotone piecewise cubic interpolation).
     """
 
     inputs: Array = field(

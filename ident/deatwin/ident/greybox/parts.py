@@ -186,10 +186,7 @@ def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:
 
 
 def shared(plant: Plant, parts: Sequence[Part]) -> Iterator[tuple[Part, Timeline, int, np.ndarray]]:
-    """Yield each part with its experiment's timeline, the number of samples to simulate, and the indices of its own, (n,).
-
-    All readings of an experiment share a simulation, which ends at the last sample that is selected in any of them.
-    """
+    """Yield each part with its timeline, the number of samples that all readings need, and its own indices, (n,)."""
     timelines = [plant.timeline(part.experiment) for part in parts]
     each = [part.counted(timeline) for part, timeline in zip(parts, timelines, strict=True)]
     ends: dict[tuple[object, ...], int] = {}

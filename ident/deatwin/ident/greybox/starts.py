@@ -38,9 +38,7 @@ class Search:
 
 
 def least(problem: Problem, starts: int, **options: Any) -> Search | None:
-    """Fit from the given values and then, as far as needed, through growing openings and from other points; `options`
-    as for `minimise`.
-    """
+    """Fit from the given values, then as far as needed through openings and from others; `options` of `minimise`."""
     problem.watch.begin("fit from the given values")
     first = minimise(problem, **options)
     if first is None or not problem.smooth().any() or first.status is FitStatus.GIVEN_UP:

@@ -76,8 +76,7 @@ def random_odd_harmonics(
 
     References
     ----------
-    R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd edition,
-    Wiley-IEEE Press, 2012, chapter 4 (random harmonic grids).
+    Pintelon & Schoukens, System Identification: A Frequency Domain Approach (2nd ed. 2012), chapter 4.
     """
     require_generator(rng)
     lines = odd_harmonics(period, band)
@@ -141,8 +140,7 @@ def random_phase_multisine(
 
     References
     ----------
-    R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd edition,
-    Wiley-IEEE Press, 2012, chapter 4.
+    Pintelon & Schoukens, System Identification: A Frequency Domain Approach (2nd ed. 2012), chapter 4.
     """
     require_generator(rng)
     n = sample_count("period", period, sample_time)

@@ -182,9 +182,7 @@ def _warm(voice: Voice, jobs: int, plants: Sequence[Plant]) -> int:
 
 
 def _needed(source: str | None) -> Iterator[Plant]:
-    """Yield the plants of a diagnosis with a rig file, or one of a diaphragm: in each variant of the rig the plant, a
-    finer one, and the plant with each effect.
-    """
+    """Yield the plants of a diagnosis: in each variant of the rig the plant, a finer one, and that with each effect."""
     from deatwin.ident.mismatch.prepare import elsewhere
     from deatwin.ident.mismatch.refit.base import FEWER
     from deatwin.plant.effects.base import Alone
