@@ -141,9 +141,7 @@ def sample_functions(equations: Equations) -> SampleFunctions:
             ends[row] += w[other] - w[row]
         resting = ca.Function("small_resting", arguments, _with_slopes(ends, w, u))
     return SampleFunctions(
-        dynamics=dynamics,
-        resting=resting,
-        output=ca.Function("small_output", arguments, _with_slopes(y, w, u)),
+        dynamics=dynamics, resting=resting, output=ca.Function("small_output", arguments, _with_slopes(y, w, u))
     )
 
 

@@ -66,12 +66,7 @@ class StaticCurve(Described):
     output_unit: str = ""
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        "slope": variable(
-            "input",
-            of=lambda curve: curve.slope(curve.inputs),
-            unit=gain_unit,
-            about="static gain",
-        ),
+        "slope": variable("input", of=lambda curve: curve.slope(curve.inputs), unit=gain_unit, about="static gain")
     }
 
     def __post_init__(self) -> None:

@@ -61,10 +61,7 @@ def least(problem: Problem, starts: int, **options: Any) -> Search | None:
         if len(agreed) > 1:
             break
     return Search(
-        best=replace(best, evaluations=spent),
-        tried=len(found),
-        agreed=len(agreed),
-        equals=_equals(best, agreed, limit),
+        best=replace(best, evaluations=spent), tried=len(found), agreed=len(agreed), equals=_equals(best, agreed, limit)
     )
 
 

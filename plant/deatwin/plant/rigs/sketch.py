@@ -147,9 +147,7 @@ def _diaphragm(pen: _Pen, rig: Any) -> list[str]:
     ball = max(1.3 * contact, 0.08)
     pen.disc((place, ball - 0.4), ball, BODY, 0.8)
     pen.arrow((place, -0.45), (place, -0.95), "is read")
-    return [
-        f"{_stretched(rig)}; ball {with_unit(1e3 * rig.mass, 'g')}, contact ⌀ {_length(2 * rig.contact_radius)}",
-    ]
+    return [f"{_stretched(rig)}; ball {with_unit(1e3 * rig.mass, 'g')}, contact ⌀ {_length(2 * rig.contact_radius)}"]
 
 
 def _disc(pen: _Pen, rig: Any) -> list[str]:

@@ -60,10 +60,7 @@ it."""
 
 Warm = Annotated[
     bool,
-    typer.Option(
-        "--warm",
-        help="Compile in advance what a diagnosis needs, so that your first diagnosis is faster.",
-    ),
+    typer.Option("--warm", help="Compile in advance what a diagnosis needs, so that your first diagnosis is faster."),
 ]
 WarmRig = Annotated[
     str | None,
