@@ -117,9 +117,10 @@ def _cache() -> dict[str, Any]:
     except OSError as error:
         return {"cache": None, "cache_fault": f"{error.filename}: {error.strerror}"}
     sizes = []
-    for entry in folder.rglob("*"):
-        with suppress(FileNotFoundError):  # another process may be compiling and cleaning up
-            sizes.append(entry.stat().st_size)
+    for place, folders, files in os.walk(folder):  # passes over a folder that another process removes meanwhile
+        for name in (*folders, *files):
+            with suppress(FileNotFoundError):
+                sizes.append((Path(place) / name).stat().st_size)
     return {"cache": str(folder), "cache_files": len(sizes), "cache_bytes": sum(sizes)}
 
 
