@@ -42,10 +42,7 @@ def taking(**checks: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def as_annotated(sources: Mapping[str, str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return a decorator like `taking` that checks arguments by their annotations, for classes of known sources.
-
-    `sources` says of the name of each class which call returns its objects; an error repeats this.
-    """
+    """Return a decorator like `taking` by annotations; `sources` says which call returns objects of each class."""
 
     def decorate(taker: Callable[P, R]) -> Callable[P, R]:
         annotations = {name: str(one.annotation) for name, one in signature(taker).parameters.items()}

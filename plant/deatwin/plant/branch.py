@@ -1,7 +1,6 @@
-"""Equilibria of a plant along the command: the end of a branch in a fold, and snaps of a simulation to another one.
+"""Equilibria of a plant along the command, and the snaps of a simulation from one to another.
 
-In a fold the tangent of the equations of rest is singular: the film's stiffness is zero there, and negative beyond. A
-film that passes a fold snaps to another equilibrium, or pulls in if there is none.
+In a fold the film's stiffness is zero; a film that passes a fold snaps to another equilibrium, or pulls in.
 """
 
 from __future__ import annotations
@@ -36,7 +35,9 @@ ACTED_ON = "film_voltage"  # Signal of a rig with a film
 Step = Callable[[float, np.ndarray], np.ndarray | None]
 
 
-def branch_step(equations: Equations, rest: RestState, start: float, values: np.ndarray) -> Step:
+def branch_step(
+    equations: Equations, rest: RestState, start: float, values: np.ndarray, farthest: float = RUNAWAY
+) -> Step:
     """Find an equilibrium near another one, under a changed command. Shapes: `values` (n_p,)."""
 
     def distance(one: np.ndarray, other: np.ndarray) -> float:
@@ -51,7 +52,7 @@ def branch_step(equations: Equations, rest: RestState, start: float, values: np.
     def step(command: float, here: np.ndarray) -> np.ndarray | None:
         tried = rest_state(equations, command, values, guess=here)
         there = np.concatenate([tried.x, tried.z])
-        near = tried.found and distance(there, here) < FURTHEST and distance(there, first) < RUNAWAY
+        near = tried.found and distance(there, here) < FURTHEST and distance(there, first) < farthest
         return there if near and sign(command, there) == at_rest else None
 
     return step

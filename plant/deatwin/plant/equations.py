@@ -1,10 +1,7 @@
-"""Semi-explicit, index-1 differential-algebraic equation (DAE) of a rig and its effects.
+"""Differential-algebraic equation of a rig and its effects: M(p) dx/dt = f, 0 = g, reading y = h.
 
-    M(p) dx/dt = f(x, z, d, u, t, p),    0 = g(x, z, d, u, t, p),    y = h(x, z, d, u, t, p)
-
-States x, algebraic coordinates z, quantities d held at their value at rest, inputs u (the command, past samples of it
-and channels that effects ask for), clock t, parameters p. A zero on the diagonal of M makes a state algebraic, so a
-vanishing time constant is exact.
+f, g and h depend on states x, coordinates z, quantities d held at their values at rest, inputs u (command, its past,
+channels), clock t and parameters p. A zero in the diagonal M makes a state algebraic, so zero time constants are exact.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""Six simulated actuators of one specification, with six fabrications and six histories.
+"""Six simulated actuators of one specification, with different fabrications and histories.
 
-The thesis built six and found that all differ (section 2.3.2): the first's mean falls, and its recording is rough
-between 10 and 30 s at 0.4 to 0.5 mm; the second's and third's rise; the sixth shifts quickly and is then steady. Each
-of these, and what the fourth and fifth do, is named physics here; nothing is added to a reading.
+Their means move as those of the thesis' six actuators do (section 2.3.2), each by named physics.
 """
 
 from __future__ import annotations

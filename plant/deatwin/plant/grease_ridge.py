@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.smooth import smooth_step
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
+
+_DEFLECTION = ranged("m", 10e-6, 10e-3, scale=Scale.LOGARITHMIC)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,11 +23,11 @@ class GreaseRidge(Effect):
     from lump to lump if 2 pi F_g/p exceeds the film's stiffness (law: Iglesias & Gonçalves, arXiv:1708.03414).
     """
 
-    force: float = 1e-3  # Force F_g, N
-    lower: float = 0.4e-3  # Lower end y_1, displacement from rest, m
-    upper: float = 0.5e-3  # Upper end y_2, likewise
-    built: float = 10.0  # Start t_1, s
-    worn: float = 30.0  # End t_2, s
+    force: float = field(default=1e-3, metadata=ranged("N", 0.0, 0.05))  # Force F_g, N
+    lower: float = field(default=0.4e-3, metadata=_DEFLECTION)  # Lower end y_1, displacement from rest, m
+    upper: float = field(default=0.5e-3, metadata=_DEFLECTION)  # Upper end y_2, likewise
+    built: float = field(default=10.0, metadata=ranged("s", -100.0, 1e4))  # Start t_1, s
+    worn: float = field(default=30.0, metadata=ranged("s", -100.0, 1e5))  # End t_2, s
 
     name: ClassVar[str] = "grease_ridge"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -38,16 +40,6 @@ class GreaseRidge(Effect):
     pitch: ClassVar[float] = 50e-6  # Period p of the lumps, m
     edge: ClassVar[float] = 2e-6  # Width d of the ends, m
     growth: ClassVar[float] = 0.5  # Width T of start and end, s
-
-    def describe(self) -> tuple[Parameter, ...]:
-        place: dict[str, Any] = {"unit": "m", "lower": 10e-6, "upper": 10e-3, "scale": Scale.LOGARITHMIC}
-        return (
-            Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.05),
-            Parameter(name="lower", value=self.lower, **place),
-            Parameter(name="upper", value=self.upper, **place),
-            Parameter(name="built", value=self.built, unit="s", lower=-100.0, upper=1e4),
-            Parameter(name="worn", value=self.worn, unit="s", lower=-100.0, upper=1e5),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         displacement = build.signal("displacement")

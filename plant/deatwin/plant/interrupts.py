@@ -33,12 +33,8 @@ def obeying() -> Iterator[None]:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back while workers start; this process receives it at the end.
-
-    Workers, and the threads that start more of them, inherit a mask, so that they never receive it. The mask of this
-    thread is not enough: where other threads run, one of them takes the signal, and Python raises it in the main thread,
-    which may just start a worker.
-    """
+    """Hold Ctrl-C back while workers start, which inherit a mask; this process receives it at the end."""
+    # This thread's mask is not enough: another may take the signal, and Python raises it in the main thread.
     asked: list[int] = []
     handler = signal.getsignal(signal.SIGINT)
     handled = callable(handler) and threading.current_thread() is threading.main_thread()

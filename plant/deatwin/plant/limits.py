@@ -1,7 +1,6 @@
-"""Limits of a film: the signals that tell when it is about to lose tension or break down, and the events.
+"""Signals and events of a film that loses tension or breaks down.
 
-A membrane wrinkles where a true in-plane stress lambda_i dW/dlambda_i - eps E^2, of its whole energy with branches and
-effects, falls below zero.
+A membrane wrinkles where a true in-plane stress, including the Maxwell stress, falls below zero.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """Model error of a rig's own equations: the residual against finer ones after a refit.
 
-A calibrated reduced plant has absorbed much of its error; a diagnosis needs what it cannot absorb on an excitation. So
-the coarse plant's free parameters are fitted to the fine one, and the rest is kept per user, parameters rounded first
-so that a kept answer is the one that would be computed.
+A diagnosis needs the error that a calibration cannot absorb. Results are cached per user, for rounded parameters.
 """
 
 from __future__ import annotations

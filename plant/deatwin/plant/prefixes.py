@@ -51,8 +51,7 @@ def time_span(first: float, last: float, decimals: int = 2, between: str = " to 
 
 
 def resolving(low: float, high: float) -> int:
-    """Return how many significant digits distinguish the ends of an interval: three, or to the first digit of its
-    width.
+    """Return how many significant digits distinguish the ends of an interval: three, or to the first of its width.
 
     >>> resolving(50.2, 59.3), resolving(24.98, 25.04), resolving(151.39, 151.47), resolving(2.0, 2.0)
     (3, 4, 5, 3)

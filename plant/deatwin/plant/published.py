@@ -1,6 +1,6 @@
 """Published materials of dielectric elastomers: each value with its source, and the spread between sources as range.
 
-*Unconfirmed* marks a value that is quoted as later literature, a public code or memory has it: check it before citing.
+*Unconfirmed* values are quoted from later literature, public code or memory: check them before citing.
 """
 
 from __future__ import annotations
@@ -19,64 +19,52 @@ STIFFEST = 1e7
 """Shear modulus of the stiffest elastomers, Pa. A value beyond a published range widens that range, at most to this."""
 
 
-def _modulus(value: float, source: str) -> Parameter:
+def _elastic(name: str, value: float, lower: float, upper: float, source: str) -> Parameter:
+    """Make an elastic parameter: moduli on a logarithmic scale, limits of stretch inverse, small terms linear."""
+    is_limit = name in ("stretch_limit", "locking_stretch")
+    scale = Scale.RECIPROCAL if is_limit else Scale.LOGARITHMIC if lower > 0.0 else Scale.LINEAR
+    unit = "1" if is_limit or name.startswith("alpha") else "Pa"
+    widest = STIFFEST if scale is Scale.LOGARITHMIC and unit == "Pa" else None
     return Parameter(
-        name="shear_modulus",
-        value=value,
-        unit="Pa",
-        lower=5e3,
-        upper=200e3,
-        scale=Scale.LOGARITHMIC,
-        source=source,
-        widest=STIFFEST,
+        name=name, value=value, unit=unit, lower=lower, upper=upper, scale=scale, source=source, widest=widest
     )
+
+
+def _modulus(value: float, source: str) -> Parameter:
+    return _elastic("shear_modulus", value, 5e3, 200e3, source)
 
 
 def _stretch_limit(value: float, source: str) -> Parameter:
-    return Parameter(
-        name="stretch_limit", value=value, unit="1", lower=40.0, upper=1e4, scale=Scale.RECIPROCAL, source=source
-    )
+    return _elastic("stretch_limit", value, 40.0, 1e4, source)
 
 
 def _locking_stretch(value: float, source: str) -> Parameter:
-    return Parameter(
-        name="locking_stretch", value=value, unit="1", lower=3.8, upper=1e4, scale=Scale.RECIPROCAL, source=source
-    )
+    return _elastic("locking_stretch", value, 3.8, 1e4, source)
+
+
+def _positive(name: str, value: float, unit: str, lower: float, upper: float, source: str) -> Parameter:
+    scale = Scale.LOGARITHMIC
+    return Parameter(name=name, value=value, unit=unit, lower=lower, upper=upper, scale=scale, source=source)
 
 
 def _permittivity(value: float, source: str) -> Parameter:
-    return Parameter(
-        name="permittivity", value=value, unit="1", lower=1.5, upper=10.0, scale=Scale.LOGARITHMIC, source=source
-    )
+    return _positive("permittivity", value, "1", 1.5, 10.0, source)
 
 
 def _branches(source: str, *values: tuple[float, float]) -> tuple[Branch, ...]:
     """Make branches from (modulus in Pa, time in s); a fit may change a time by a factor of about 30 either way."""
     names = ["branch", *(f"branch_{i}" for i in range(2, len(values) + 1))]
-    return tuple(
-        Branch(
-            name=name,
-            modulus=Parameter(
-                name=f"{name}_modulus",
-                value=modulus,
-                unit="Pa",
-                lower=1.0,
-                upper=1e6,
-                scale=Scale.LOGARITHMIC,
-                source=source,
-            ),
-            time=Parameter(
-                name=f"{name}_time",
-                value=time,
-                unit="s",
-                lower=float(f"{time / 30:.0e}"),
-                upper=float(f"{time * 33:.0e}"),
-                scale=Scale.LOGARITHMIC,
-                source=source,
-            ),
+    found = []
+    for name, (modulus, time) in zip(names, values, strict=True):
+        least, most = float(f"{time / 30:.0e}"), float(f"{time * 33:.0e}")
+        found.append(
+            Branch(
+                name=name,
+                modulus=_positive(f"{name}_modulus", modulus, "Pa", 1.0, 1e6, source),
+                time=_positive(f"{name}_time", time, "s", least, most, source),
+            )
         )
-        for name, (modulus, time) in zip(names, values, strict=True)
-    )
+    return tuple(found)
 
 
 _WANG = "Wang, Decker, Henann & Chester, J. Mech. Phys. Solids 95 (2016) 213"
@@ -136,17 +124,6 @@ def _published() -> tuple[Material, ...]:
             permittivity=_permittivity(4.5, f"3.98e-11 F/m; {_FOO}"),
             breakdown=HUANG_2012,
         ),
-    )
-
-
-def _elastic(name: str, value: float, lower: float, upper: float, source: str) -> Parameter:
-    """Make an elastic parameter: moduli on a logarithmic scale, limits of stretch inverse, small terms linear."""
-    is_limit = name in ("stretch_limit", "locking_stretch")
-    scale = Scale.RECIPROCAL if is_limit else Scale.LOGARITHMIC if lower > 0.0 else Scale.LINEAR
-    unit = "1" if is_limit or name.startswith("alpha") else "Pa"
-    widest = STIFFEST if scale is Scale.LOGARITHMIC and unit == "Pa" else None
-    return Parameter(
-        name=name, value=value, unit=unit, lower=lower, upper=upper, scale=scale, source=source, widest=widest
     )
 
 

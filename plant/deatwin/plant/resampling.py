@@ -1,14 +1,7 @@
 """Samples at uneven times, or too many of them, onto an even clock.
 
-- A reading is interpolated linearly; `Resampling` has the frequency at which that, with these times, has lost 3 dB. A
-  reading at the end of a hold lies one usual step after the time of its row, and a mean over the hold half a step.
-- A command acts from its row's time to the next row's. One that stays from row to row more often than it changes is a
-  staircase, and a new row takes the level in the middle of its own hold; any other gets the mean over that hold.
-- For a longer sample time than the rows' own, all signals are first brought onto an even clock a whole number of times
-  finer, and `decimate` filters and thins it, so that nothing folds into the band.
-
-A step of more than five usual ones is a gap: in its middle a tone at a tenth of the sampling rate, the fastest that a
-model wants to follow, is lost altogether, cos(pi 0.1 5) = 0.
+Readings are interpolated linearly. A command that changes seldom is a staircase, of which a new row takes the level in
+the middle of its hold; any other is averaged over the hold. For a longer sample time, `decimate` filters first.
 """
 
 from __future__ import annotations

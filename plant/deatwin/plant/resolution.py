@@ -45,9 +45,7 @@ def resolved(plant: Plant, experiments: Sequence[Experiment]) -> Plant:
 
 
 def stages_for(plant: Plant, experiments: Sequence[Experiment]) -> tuple[int, float]:
-    """Return how many stages the first reading needs, and 0; or the best number and its largest error, SI, if no number
-    is large enough.
-    """
+    """Return how many stages the first reading needs, and 0; or the best number and its largest error, SI."""
     if not plant.rig.equations_known:
         return plant.stages, 0.0
     modes, steps = free_modes(plant), FINER
@@ -77,10 +75,7 @@ def stages_for(plant: Plant, experiments: Sequence[Experiment]) -> tuple[int, fl
 
 
 def mode_error(modes: np.ndarray, stages: int, steps: int = 1) -> float:
-    """Return the largest error of a free mode after one sample, taken in a number of steps, relative to its amplitude.
-
-    Shapes: `modes` (n,), from `free_modes`.
-    """
+    """Return the largest error of free modes (n,) after one sample, in a number of steps, relative to the amplitude."""
     butcher = radau(stages)[1]
     one, ones = np.eye(stages), np.ones(stages)
     with np.errstate(over="ignore", invalid="ignore"):  # of a mode that runs away

@@ -1,7 +1,6 @@
 """The state of rest of a plant, and how it moves with the parameters.
 
-A state that no equation of rest depends on, such as an angle that nothing turns back or a charge without a leak, is a
-*free integrator*: an experiment starts at the rig's guess of it, and all else is at rest.
+A *free integrator*, a state on which no equation of rest depends, keeps the rig's guess.
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ def rest_state(
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
             fault = fault if number else _undefined_at_guess(equations, residual.ravel(), jacobian, w, values)
             break
-        matrix, rows = _scaled(equations, jacobian, kept)
+        matrix, rows = scaled(equations, jacobian, kept)
         step, left = np.zeros(w.size), residual.ravel()[kept] / rows
         closest = np.minimum(closest, np.abs(left))
         step[kept] = equations.scale[kept] * np.linalg.lstsq(matrix, left, rcond=None)[0]
@@ -80,7 +79,7 @@ def rest_state(
     )
 
 
-def _scaled(equations: Equations, jacobian: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def scaled(equations: Equations, jacobian: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the Jacobian with scaled unknowns and rows, and the rows' sizes, so that units do not affect its rank."""
     matrix = (jacobian * equations.scale)[np.ix_(kept, kept)]
     rows = np.abs(matrix).max(axis=1, initial=0.0)
@@ -93,7 +92,7 @@ def _slope(equations: Equations, w: np.ndarray, inputs: np.ndarray, values: np.n
     functions, kept = _functions(equations), resting(equations)
     jacobian, by_parameters = (np.asarray(v) for v in functions.slopes(w, inputs, values, equations.constants))
     w_p = np.asarray(functions.guess_slope(values, equations.constants))
-    matrix, rows = _scaled(equations, jacobian, kept)
+    matrix, rows = scaled(equations, jacobian, kept)
     left = (by_parameters + jacobian @ w_p)[kept] / rows[:, None]
     w_p[kept] -= equations.scale[kept, None] * np.linalg.lstsq(matrix, left, rcond=None)[0]
     return w_p
@@ -186,13 +185,13 @@ def has_equilibrium(
     equations: Equations, rest: RestState, rest_command: float, command: float, values: np.ndarray
 ) -> bool:
     """Return whether the plant, brought slowly from rest to a command, has an equilibrium with its film in tension."""
-    state, share, step = rest, 0.0, 1.0 / CONTINUATION
+    here, share, step = np.concatenate([rest.x, rest.z]), 0.0, 1.0 / CONTINUATION
     while share < 1.0 - 1e-12:
         at = rest_command + min(share + step, 1.0) * (command - rest_command)
-        further = rest_state(equations, at, values, guess=np.concatenate([state.x, state.z]))
-        if further.found:
-            state, share = further, share + step
-            if not _in_tension(equations, state, at, values):
+        state = rest_state(equations, at, values, guess=here)
+        if state.found:
+            here, share = np.concatenate([state.x, state.z]), share + step
+            if not in_tension(equations, here, state.d, equations.held_inputs(at), values):
                 return False
         elif step * CONTINUATION * 2**HALVINGS > 1.5:
             step /= 2
@@ -201,12 +200,14 @@ def has_equilibrium(
     return True
 
 
-def _in_tension(equations: Equations, state: RestState, command: float, values: np.ndarray) -> bool:
+def in_tension(
+    equations: Equations, here: np.ndarray, held: np.ndarray, inputs: np.ndarray, values: np.ndarray, time: float = 0.0
+) -> bool:
     """Return whether the film is in tension; also true if the rig does not watch its tension."""
     if TENSION not in equations.signals:
         return True
-    inputs = equations.held_inputs(command)
-    seen = equations.watched(state.x, state.z, state.d, inputs, 0.0, values, equations.constants)
+    n_x = len(equations.states)
+    seen = equations.watched(here[:n_x], here[n_x:], held, inputs, time, values, equations.constants)
     return float(seen[equations.signals.index(TENSION)]) >= 0.0
 
 

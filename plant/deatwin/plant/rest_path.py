@@ -8,13 +8,12 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.branch import FURTHEST, Step, branch_step
 from deatwin.plant.equations import Equations
 from deatwin.plant.integrator.stages import REVERSE
 from deatwin.plant.model import Plant
-from deatwin.plant.rest import TENSION, rest_state, resting
+from deatwin.plant.rest import rest_state, resting, scaled
 
-FURTHEST = 0.25
-"""Largest move of an unknown between two commands, in units of its scale; a film that snaps moves further."""
 HALVINGS = 14  # Largest number of halvings of the way from rest, with which pull-in is found to a part in 16000
 UPDATES = 20
 SETTLED = 1e-12  # Relative change of the unknowns that ends Newton's method, which is not differentiated
@@ -27,7 +26,8 @@ def rest_under(plant: Plant, command: float) -> tuple[np.ndarray, np.ndarray, np
     if not first.found:
         return None
     try:
-        here = followed(equations, np.concatenate([first.x, first.z]), start, command, values)
+        step = branch_step(equations, first, start, values, np.inf)
+        here = followed(step, np.concatenate([first.x, first.z]), start, command)
         here = settled(equations, here, first.d, command, values, 0.0)[0]
     except (NoRestError, RuntimeError):
         return None
@@ -86,53 +86,26 @@ def _solved(equations: Equations, point: Point, time: float) -> np.ndarray | Non
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return None
         kept, step = resting(equations), np.zeros(here.size)
-        step[kept] = _scaled_solution(slope[np.ix_(kept, kept)], value.ravel()[kept], equations.scale[kept])
+        matrix, rows = scaled(equations, slope, kept)
+        step[kept] = np.linalg.lstsq(matrix, value.ravel()[kept] / rows, rcond=None)[0]
         here = here - equations.scale * step
         if np.max(np.abs(step), initial=0.0) < SETTLED:
             return here
     return None
 
 
-def require_tension(equations: Equations, point: Point, time: float) -> None:
-    """Raise an error for a film without tension, for which the equations do not hold; a rig may not watch it."""
-    if TENSION in equations.signals:
-        (here, held, inputs, values), n_x = point, len(equations.states)
-        seen = equations.watched(here[:n_x], here[n_x:], held, inputs, time, values, equations.constants)
-        if float(seen[equations.signals.index(TENSION)]) < 0.0:
-            raise NoRestError
-
-
-def followed(equations: Equations, here: np.ndarray, start: float, command: float, values: np.ndarray) -> np.ndarray:
+def followed(step: Step, here: np.ndarray, start: float, command: float) -> np.ndarray:
     """Follow an equilibrium to another command; raise NoRestError if the branch ends first, in a fold or by snapping."""
-    at, step, sign = start, command - start, _sign(equations, here, start, values)
+    at, width = start, command - start
     while at != command:
-        target = command if abs(command - at) <= abs(step) else at + step
-        tried = rest_state(equations, target, values, guess=here)
-        there = np.concatenate([tried.x, tried.z])
-        near = tried.found and np.max(np.abs(there - here) / equations.scale, initial=0.0) < FURTHEST
-        if near and _sign(equations, there, target, values) == sign:
+        target = command if abs(command - at) <= abs(width) else at + width
+        if (there := step(target, here)) is not None:
             at, here = target, there
-        elif abs(step) > abs(command - start) / 2**HALVINGS:
-            step /= 2
+        elif abs(width) > abs(command - start) / 2**HALVINGS:
+            width /= 2
         else:
             raise NoRestError
     return here
-
-
-def _sign(equations: Equations, here: np.ndarray, command: float, values: np.ndarray) -> float:
-    """Return the sign of the determinant of the equations of rest, which changes at a fold."""
-    inputs = equations.held_inputs(command)
-    slope = np.asarray(sample_functions(equations).rest_slope(here, inputs, values, equations.constants))
-    kept = resting(equations)
-    return float(np.linalg.slogdet(slope[np.ix_(kept, kept)]).sign)
-
-
-def _scaled_solution(slope: np.ndarray, value: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Return a least-squares step in scaled units; unknowns without a definite rest, such as memories, stay in place."""
-    scaled = slope * scale
-    rows = np.abs(scaled).max(axis=1, initial=0.0)
-    rows[rows == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(scaled / rows[:, None], value / rows, rcond=None)[0])
 
 
 def inputs_at(equations: Equations, inputs: np.ndarray, begin: float, middle: float) -> np.ndarray:
@@ -146,20 +119,18 @@ def inputs_at(equations: Equations, inputs: np.ndarray, begin: float, middle: fl
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampleFunctions:
     """Functions of a sample, not compiled: `dynamics` ``(w, d, u, t, p, c) -> ((f; g), by w, by u)``, `resting` with
-    integrals as at its end, `output` the reading; `rest_slope` ``(w, u, p, c) ->`` slope of rest."""
+    integrals as at its end, `output` the reading."""
 
     dynamics: ca.Function
     resting: ca.Function
     output: ca.Function
-    rest_slope: ca.Function
 
 
 @lru_cache(maxsize=64)
 def sample_functions(equations: Equations) -> SampleFunctions:
     arguments, split = equations.symbols()
-    w, _, u, _, p, c = arguments
+    w, _, u, *_ = arguments
     f, y = ca.cse(equations.dynamics(*split)), equations.output(*split)
-    rest = equations.rest(*split[:2], u, p, c)
     dynamics = resting = ca.Function("small_dynamics", arguments, _with_slopes(f, w, u))
     if equations.integrals or equations.shifts:
         ends = ca.SX(f)
@@ -170,10 +141,7 @@ def sample_functions(equations: Equations) -> SampleFunctions:
             ends[row] += w[other] - w[row]
         resting = ca.Function("small_resting", arguments, _with_slopes(ends, w, u))
     return SampleFunctions(
-        dynamics=dynamics,
-        resting=resting,
-        output=ca.Function("small_output", arguments, _with_slopes(y, w, u)),
-        rest_slope=ca.Function("small_rest", [w, u, p, c], [ca.densify(ca.jacobian(rest, w))]),
+        dynamics=dynamics, resting=resting, output=ca.Function("small_output", arguments, _with_slopes(y, w, u))
     )
 
 

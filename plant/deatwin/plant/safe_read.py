@@ -1,8 +1,4 @@
-"""Safe reading of a user's files: plain files only, and no more than a computer can hold.
-
-Every reader takes its bytes from here. A pipe may never answer, and a small file may unpack to more than the memory;
-both are refused first. docs/how-to/files-and-export.md states the limits.
-"""
+"""Safe reading of users' files: plain files of a limited size only (docs/how-to/files-and-export.md)."""
 
 import os
 import stat

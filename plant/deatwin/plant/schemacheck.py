@@ -1,7 +1,6 @@
-"""Check of the values that a document has against its JSON Schema, ``schemas/NAME.schema.json`` of the packages.
+"""Check a document against its JSON Schema, ``schemas/NAME.schema.json`` of the packages.
 
-Keys may be absent or added, as in another version; whoever needs one asks for it. The part of JSON Schema (draft
-2020-12) that the shipped files use is understood, without ``if`` and ``format``.
+Keys may be absent or added. Only the part of JSON Schema (draft 2020-12) that the shipped files use is implemented.
 """
 
 from __future__ import annotations

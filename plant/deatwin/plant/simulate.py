@@ -190,16 +190,8 @@ class Simulator:
         """Return a plant at rest that takes one command at a time, for a loop. Shapes: `values` (n_p,)."""
         rest = rest_state(self.equations, rest_command, values)
         first = self._reading(rest, rest_command, start, values)[0]
-        return Stepper(
-            self.sample(values, sample_time),
-            rest,
-            float(first),
-            start=start,
-            inputs=self.equations.held_inputs(rest_command),
-            history=self.equations.history,
-            clock=self.equations.sample_start,
-            why=lambda command: self._why(rest, rest_command, command, values),
-        )
+        why = partial(self._why, rest, rest_command, values=values)
+        return Stepper(self.sample(values, sample_time), self.equations, rest, rest_command, float(first), start, why)
 
     def sample(self, values: np.ndarray, sample_time: float) -> Sample:
         """Return one sample of the plant, to be solved from any state. Shapes: `values` (n_p,)."""
@@ -276,22 +268,21 @@ def _run(
 
 
 class Stepper:
-    """A plant that is simulated sample by sample; `clock` is the index of the clock time among the inputs (n_u,)."""
+    """A plant that is simulated sample by sample."""
 
     def __init__(
         self,
         sample: Sample,
+        equations: Equations,
         rest: RestState,
+        rest_command: float,
         reading: float,
-        *,
         start: float,
-        inputs: np.ndarray,
-        history: int,
-        clock: int | None,
         why: Callable[[float], RunStatus],
     ) -> None:
         self._sample, self._why = sample, why
-        self._inputs, self._history, self._clock = inputs, history, clock
+        self._inputs = equations.held_inputs(rest_command)
+        self._history, self._clock = equations.history, equations.sample_start
         self._x: Any = rest.x
         self._z: Any = rest.z
         self._held = rest.d

@@ -1,8 +1,4 @@
-"""Linearisation of one sample of a plant about rest, as the matrices of a sampled linear system.
-
-The step (x, u) -> (x+, y) solves the equations of `deatwin.plant.integrator.collocation`, so its exact derivatives
-follow from the implicit function theorem: one linear system, with a right side for each state and each input.
-"""
+"""Linearisation of one sample of a plant about rest, by the implicit function theorem on its step."""
 
 from __future__ import annotations
 
@@ -11,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deatwin.plant.branch import branch_step
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import DataError
 from deatwin.plant.integrator.collocation import radau
 from deatwin.plant.integrator.parts import Step
 from deatwin.plant.model import Plant
-from deatwin.plant.rest import rest_state
-from deatwin.plant.rest_path import NoRestError, Point, followed, inputs_at, require_tension, sample_functions, settled
+from deatwin.plant.rest import in_tension, rest_state
+from deatwin.plant.rest_path import NoRestError, Point, followed, inputs_at, sample_functions, settled
 
 RANK = 1e-12
 """Singular value of the equations of rest, relative to the largest, below which a combination of them determines
@@ -56,15 +53,17 @@ def small_signals(
         return tuple(found)
     if not first.found:
         return tuple(found)
+    step = branch_step(equations, first, start, known, np.inf)
     away = np.argsort(np.abs(wanted - start), kind="stable")
     for side in (away[wanted[away] >= start], away[wanted[away] < start]):
         at, here = start, np.concatenate([first.x, first.z])
         for place in side.tolist():
             try:
-                here = followed(equations, here, at, float(wanted[place]), known)
+                here = followed(step, here, at, float(wanted[place]))
                 at = float(wanted[place])
                 point = settled(equations, here, first.d, at, known, time)
-                require_tension(equations, point, time)
+                if not in_tension(equations, *point, time):  # its equations do not hold; a rig may not watch it
+                    break
                 found[place] = _differentiated(equations, point, time, plant.rig.sample_time)
             # CasADi and NumPy raise errors where Newton's method left the range of stretches: no slope is finite there.
             except (NoRestError, RuntimeError, np.linalg.LinAlgError):
@@ -98,9 +97,8 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
 
 
 def _static_gain(equations: Equations, point: Point, time: float, sample_time: float) -> float:
-    """Return the slope of the reading by a slow command. A combination of states that the equations of rest leave open,
-    such as the memory of hysteresis, keeps its time integral, which determines how the states move.
-    """
+    """Return the slope of the reading by a slow command."""
+    # States that the equations of rest leave open, such as the memory of hysteresis, keep their time integral.
     (here, held, inputs, values), functions, count = point, sample_functions(equations), 1 + equations.history
     inputs = inputs_at(equations, inputs, time - sample_time, time)
     arguments = (here, held, inputs, time, values, equations.constants)

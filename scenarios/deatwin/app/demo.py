@@ -1,7 +1,6 @@
 """The demo: an effect is concealed in a recording of the thesis' diaphragm, and the diagnosis has to find it.
 
-Material values are a few per cent beside the published ones, as a real film's are. ``truth.json`` is written only after
-the verdict.
+``truth.json`` is written only after the verdict.
 """
 
 from __future__ import annotations

@@ -176,10 +176,7 @@ class Responses:
             )
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything except the maps as plain data; H_1 uses the column names of its table, without units.
-
-        With several inputs, their names, operating inputs and H_1 are lists.
-        """
+        """Return everything except the maps as plain data; with several inputs, their names and H_1 are lists."""
         point, names = self.first.point, _names(self.model)
         linear = [{"unit": response.unit, **_plain(response, self.level)} for response in self.linear]
         return {

@@ -121,9 +121,8 @@ def bounded(
     *,
     may_choose: bool,
 ) -> tuple[NarxIdentifier, tuple[str, ...]]:
-    """Return an identifier whose model runs free over its data, and sentences on what this required. A lag with an
-    unstable negative pole, which no continuous plant has, imitates later inputs after a sharp low pass, and is left
-    out."""
+    """Return an identifier whose model runs free over its data, and sentences on what this required."""
+    # A lag with an unstable negative pole, which no continuous plant has, imitates later inputs after a sharp low pass.
     import numpy as np
 
     from deatwin.ident.narx.unstable import poles_at

@@ -1,6 +1,7 @@
 """``deatwin doctor``: what is installed, what is missing and how it comes, what is slower without a compiler."""
 
 import json
+import os
 import re
 import shlex
 import tomllib
@@ -118,3 +119,20 @@ def test_the_folder_of_public_recordings_is_looked_into(tmp_path, monkeypatch, c
     monkeypatch.delenv("DEATWIN_DATA")
     assert main(["doctor"]) == 0
     assert "DEATWIN_DATA is not set" in capsys.readouterr().out
+
+
+def test_the_cache_is_counted_while_another_process_removes_a_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "compiling").mkdir()
+    (tmp_path / "kept.so").write_bytes(b"code")
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
+    listing = os.scandir
+
+    def late(place: Any) -> Any:
+        if Path(place).name == "compiling":
+            Path(place).rmdir()
+        return listing(place)
+
+    monkeypatch.setattr("os.scandir", late)
+    assert told(capsys)["cache_bytes"] >= len(b"code")

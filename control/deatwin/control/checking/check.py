@@ -33,7 +33,7 @@ from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.subject import Subject
 from deatwin.control.checking.trial import STEP_SHARE, require_short_runs
 from deatwin.control.checking.verdict import Finding
-from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.base import Controller, room_of
 from deatwin.control.design.lambda_tuning import lambda_tuning
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
@@ -215,7 +215,7 @@ def _points(model: NarxModel, controller: Controller, operating_inputs: ArrayLik
             raise ControlError("operating_inputs must be one or more finite numbers")
         require_inside(model, points.tolist())
     else:
-        room = STEP_SHARE * min(c.operating_input - c.command_min, c.command_max - c.operating_input)
+        room = STEP_SHARE * room_of(c)
         points = np.linspace(c.operating_input - room, c.operating_input + room, POINTS)
     # The middle of the range equals the operating input except in its last digits.
     others = points[np.abs(points - c.operating_input) > SAME * (c.command_max - c.command_min)]

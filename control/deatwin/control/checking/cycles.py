@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from deatwin.control.checking.amounts import amount
 from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.verdict import Finding, worst
-from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.base import Controller, room_of
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.loop.sine_response import SineResponse, sine_response
 from deatwin.control.progress import Progress
 from deatwin.control.stability.describing import quantiser, saturation
-from deatwin.control.stability.limit_cycles import LimitCycle, limit_cycles
+from deatwin.control.stability.limit_cycles import LimitCycle, LimitCycles, limit_cycles
 from deatwin.control.stability.loops import loop_margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.plant.arrays import Array, Complex
@@ -42,7 +44,7 @@ def judge_cycles(
     """Judge the limit cycles that describing functions predict."""
     highest = 0.9 * np.pi / controller.sample_time
     omega = np.geomspace(min(_LOWEST * _crossover(controller, linear), 0.5 * highest), highest, FREQUENCIES)
-    sizes = _room(controller) * np.array(SIZES)
+    sizes = room_of(controller) * np.array(SIZES)
     response = sine_response(plant, controller.operating_input, sizes, omega, progress=progress)
     found = [
         *_that_matter(_of_plant(response, controller, omega)),
@@ -118,14 +120,9 @@ def _of_plant(response: SineResponse | None, controller: Controller, omega: Arra
 
 
 def _of_limits(controller: Controller, linear: LinearModel, omega: Array) -> list[_Found]:
-    room = _room(controller)
-    top, bottom = _loop(controller, linear)
+    room = room_of(controller)
     sizes = np.geomspace(1.001 * room, _LARGEST * room, _FINE)
-
-    def limits(amplitude: Array, omega: Array) -> Complex:
-        return saturation(room, amplitude)
-
-    cycles = limit_cycles(top, bottom, controller.sample_time, limits, sizes, _between(omega))
+    cycles = _around(controller, linear, omega, sizes, partial(saturation, room))
     return [("the limits of the command", c, _after(room, c, linear)) for c in cycles]
 
 
@@ -133,19 +130,18 @@ def _of_codes(plant: Plant, controller: Controller, linear: LinearModel, omega: 
     if plant.rig.chain is None:
         return []
     step = plant.rig.chain.reading_step
-    top, bottom = _loop(controller, linear)
     sizes = np.geomspace(0.51 * step, 20.0 * step, _FINE)
-
-    def codes(amplitude: Array, omega: Array) -> Complex:
-        return quantiser(step, amplitude)
-
-    cycles = limit_cycles(top, bottom, controller.sample_time, codes, sizes, _between(omega))
+    cycles = _around(controller, linear, omega, sizes, partial(quantiser, step))
     return [("the resolution of the sensor's converter", c, c.amplitude) for c in cycles]
 
 
-def _room(controller: Controller) -> float:
-    """Return the distance from the operating input to the nearer limit of the command, in its unit."""
-    return min(controller.operating_input - controller.command_min, controller.command_max - controller.operating_input)
+def _around(
+    controller: Controller, linear: LinearModel, omega: Array, sizes: Array, describing: Callable[[Array], Complex]
+) -> LimitCycles:
+    """Return the limit cycles of the linear loop with a nonlinearity of any frequency. Shapes: `omega, sizes` (n,)."""
+    top, bottom = controller.local(controller.operating_input).feedback
+    loop = in_series(linear.numerator, top), in_series(linear.denominator, bottom)
+    return limit_cycles(*loop, controller.sample_time, lambda size, _: describing(size), sizes, _between(omega))
 
 
 def _crossover(controller: Controller, linear: LinearModel) -> float:
@@ -154,11 +150,6 @@ def _crossover(controller: Controller, linear: LinearModel) -> float:
     found = float(loop_margins(linear, controller.local(controller.operating_input)).crossover[0])
     asked = 1.0 / controller.closed_loop_time
     return max(found or asked, asked / _SLUGGISH)
-
-
-def _loop(controller: Controller, linear: LinearModel) -> tuple[Array, Array]:
-    top, bottom = controller.local(controller.operating_input).feedback
-    return in_series(linear.numerator, top), in_series(linear.denominator, bottom)
 
 
 def _after(room: float, cycle: LimitCycle, linear: LinearModel) -> float:

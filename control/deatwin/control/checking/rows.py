@@ -19,6 +19,8 @@ from deatwin.control.stability.margins import Margins
 QUANTILE = 0.025  # Quantile over the draws by which margins are judged
 BAND = "model, linearised"
 """Source of margins whose lower limits follow from the model's covariance without draws."""
+LOWS = {"gain": "gain_low", "phase_deg": "phase_low_deg", "delay": "delay_low", "disk": "disk_low"}
+"""Fields of the margins of a row, each with the field of its lower limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,15 +128,9 @@ def row_of_band(band: MarginBand, linear: LinearModel, crossover_Hz: float) -> M
         source=BAND,
         operating_input=linear.operating_input,
         time=None,
-        gain=band.gain.value,
-        phase_deg=band.phase_deg.value,
-        delay=band.delay.value,
-        disk=band.disk.value,
         crossover_Hz=crossover_Hz,
-        gain_low=band.gain.low,
-        phase_low_deg=band.phase_deg.low,
-        delay_low=band.delay.low,
-        disk_low=band.disk.low,
+        **{name: getattr(band, name).value for name in LOWS},
+        **{low: getattr(band, name).low for name, low in LOWS.items()},
         stable_share=stable_probability(band),
         samples=1,
     )
@@ -150,20 +146,13 @@ def _row(
         worst = np.quantile(np.where(stable, values, 0.0), QUANTILE, method="lower")
         return float(min(worst, values[0] if stable[0] else 0.0))
 
-    itself = [float(v[0]) if stable[0] else 0.0 for v in (found.gain, found.phase_deg, found.delay, found.disk)]
     return MarginRow(
         source=source,
         operating_input=operating_input,
         time=time,
-        gain=itself[0],
-        phase_deg=itself[1],
-        delay=itself[2],
-        disk=itself[3],
         crossover_Hz=float(found.crossover[0] / (2 * np.pi)),
-        gain_low=low(found.gain),
-        phase_low_deg=low(found.phase_deg),
-        delay_low=low(found.delay),
-        disk_low=low(found.disk),
+        **{name: float(getattr(found, name)[0]) if stable[0] else 0.0 for name in LOWS},
+        **{lowest: low(getattr(found, name)) for name, lowest in LOWS.items()},
         stable_share=float(stable.mean()) if stable[0] else 0.0,
         samples=stable.size,
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.control.checking.verdict import Runs
-from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.base import Controller, room_of
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
@@ -41,9 +41,7 @@ class Trial:
     @property
     def amplitude(self) -> float:
         """Amplitude of the references, in the output's unit."""
-        c = self.controller
-        room = min(c.operating_input - c.command_min, c.command_max - c.operating_input)
-        return STEP_SHARE * abs(self.linear.static_gain) * room
+        return STEP_SHARE * abs(self.linear.static_gain) * room_of(self.controller)
 
     @property
     def frequency_Hz(self) -> float:

@@ -146,6 +146,11 @@ class Controller(ABC):
         )
 
 
+def room_of(controller: Controller) -> float:
+    """Return the distance from the operating input to the nearer limit of the command, in its unit."""
+    return min(controller.operating_input - controller.command_min, controller.command_max - controller.operating_input)
+
+
 def require_factor(factor: float) -> None:
     """Raise ControlError unless a factor for a loop gain is finite and not zero."""
     number(factor, "factor")

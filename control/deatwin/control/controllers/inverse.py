@@ -53,8 +53,7 @@ class StaticCurve(Described):
 
     References
     ----------
-    F. N. Fritsch and R. E. Carlson, "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17 (1980)
-    238-246.
+    Fritsch & Carlson, SIAM J. Numer. Anal. 17 (1980) 238-246 (monotone piecewise cubic interpolation).
     """
 
     inputs: Array = field(
@@ -67,12 +66,7 @@ class StaticCurve(Described):
     output_unit: str = ""
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        "slope": variable(
-            "input",
-            of=lambda curve: curve.slope(curve.inputs),
-            unit=gain_unit,
-            about="static gain",
-        ),
+        "slope": variable("input", of=lambda curve: curve.slope(curve.inputs), unit=gain_unit, about="static gain")
     }
 
     def __post_init__(self) -> None:

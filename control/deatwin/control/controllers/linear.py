@@ -42,8 +42,7 @@ class LinearController(Controller):
 
     References
     ----------
-    K. J. Åström and B. Wittenmark, Computer-Controlled Systems (3rd ed. 1997), section 3.5: the observer
-    approach to anti-windup.
+    Åström & Wittenmark, Computer-Controlled Systems (3rd ed. 1997), section 3.5: observers and anti-windup.
     """
 
     law: Law

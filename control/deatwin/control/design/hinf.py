@@ -8,12 +8,11 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import number, pair, taking
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
-from deatwin.control.design.pid import Limits
+from deatwin.control.design.pid import Limits, with_law
 from deatwin.control.design.states import States, integrating
 from deatwin.control.errors import ControlError, MissingPackageError
 from deatwin.control.linear.model import LinearModel, linear_model
@@ -52,27 +51,15 @@ class MixedSensitivity:
             if not 1.0 < getattr(self, name) < np.inf:
                 raise ControlError(f"{name} is {getattr(self, name):g}: it must be above 1 (1.2 to 2 is usual)")
 
-    @property
-    def _coefficients(self) -> tuple[tuple[list[float], list[float]], tuple[list[float], list[float]]]:
-        """Return numerator and denominator of both weights in w, highest power first."""
-        b = float(np.tan(np.pi * self.bandwidth_Hz * self.sample_time))
-        corner = _ROLL_OFF * b
-        first = [1.0 / self.max_sensitivity, b], [1.0, b * _LEAK]
-        second = [1.0 / (corner * self.effort), 1.0 / self.effort], [1.0 / (corner * _LAST), 1.0]
-        return first, second
-
     def weights(self) -> tuple[TransferFunction, TransferFunction]:
         """Return both weights in the w plane, as continuous systems of python-control."""
         import control
 
-        first, second = self._coefficients
+        b = float(np.tan(np.pi * self.bandwidth_Hz * self.sample_time))
+        corner = _ROLL_OFF * b
+        first = [1.0 / self.max_sensitivity, b], [1.0, b * _LEAK]
+        second = [1.0 / (corner * self.effort), 1.0 / self.effort], [1.0 / (corner * _LAST), 1.0]
         return control.tf(*first), control.tf(*second)
-
-    def values(self, omega: ArrayLike) -> tuple[Array, Array]:
-        """Return the absolute values of both weights. Shapes: `omega` (n,); returns (n,)."""
-        w = 1j * np.tan(0.5 * np.asarray(omega, dtype=np.float64) * self.sample_time)
-        first, second = (np.abs(np.polyval(top, w) / np.polyval(bottom, w)) for top, bottom in self._coefficients)
-        return first, second
 
 
 @taking(linear=linear_model, command_limits=pair, bandwidth_Hz=number, max_sensitivity=number, effort=number)
@@ -137,17 +124,7 @@ def hinf(
     law = integrating(_from_w(found)).scaled(1.0 / states.gain)
     if not loop_margins(linear, law).stable[0]:
         raise ControlError("the H-infinity controller lost stability to rounding: choose another bandwidth")
-    return LinearController(
-        name="H-infinity",
-        sample_time=h,
-        operating_input=linear.operating_input,
-        operating_output=linear.rest_output,
-        command_min=float(command_limits[0]),
-        command_max=float(command_limits[1]),
-        closed_loop_time=float(1.0 / (2 * np.pi * bandwidth_Hz)),
-        law=law,
-        windup=_follower(law),
-    )
+    return with_law("H-infinity", linear, command_limits, 1.0 / (2 * np.pi * bandwidth_Hz), law, _follower(law))
 
 
 def _require_slycot() -> None:

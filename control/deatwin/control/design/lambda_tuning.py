@@ -107,8 +107,7 @@ def lambda_tuning(
 
     References
     ----------
-    Rivera, Morari & Skogestad, "Internal model control: PID controller design", Ind. Eng. Chem. Process Des.
-    Dev. 25 (1986) 252-265, doi:10.1021/i200032a041.
+    Rivera, Morari & Skogestad, Ind. Eng. Chem. Process Des. Dev. 25 (1986) 252-265, doi:10.1021/i200032a041.
 
     Examples
     --------
@@ -173,8 +172,7 @@ def lambda_tuning_pid(
 
     References
     ----------
-    S. Skogestad, "Simple analytic rules for model reduction and PID controller tuning", J. Process Control 13 (2003)
-    291-309.
+    Skogestad, J. Process Control 13 (2003) 291-309 (rules for model reduction and PID controller tuning).
     """
     plant, h = reduce_to_second_order(linear), linear.sample_time
     filter_time = max(_FILTER_SHARE * plant.second_lag, h)

@@ -104,8 +104,7 @@ def loop_shaping(
 
     References
     ----------
-    K. J. Åström, H. Panagopoulos and T. Hägglund, "Design of PI controllers based on non-convex optimization",
-    Automatica 34 (1998) 585-601: the integral gain is maximised under a bound on the sensitivity.
+    Åström, Panagopoulos & Hägglund, Automatica 34 (1998) 585-601: the largest integral gain at a bounded sensitivity.
     """
 
     def gains(integral: float, time: float) -> PidGains:
@@ -146,8 +145,7 @@ def loop_shaping_pid(
 
     References
     ----------
-    H. Panagopoulos, K. J. Åström and T. Hägglund, "Design of PID controllers based on constrained optimisation", IEE
-    Proc. Control Theory Appl. 149 (2002) 32-40.
+    Panagopoulos, Åström & Hägglund, IEE Proc. Control Theory Appl. 149 (2002) 32-40 (constrained optimisation).
     """
     h = linear.sample_time
 

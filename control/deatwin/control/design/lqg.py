@@ -11,7 +11,7 @@ from deatwin.control.arguments import number, pair, positive, taking
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.design.lambda_tuning import default_closed_loop_time, require_time
-from deatwin.control.design.pid import Limits
+from deatwin.control.design.pid import Limits, with_law
 from deatwin.control.design.states import States, integrating
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
@@ -123,17 +123,7 @@ def lqg(
             f"a closed-loop time of {wanted:.3g} s is {wanted / h:.0f} samples: the controller's slow poles lie so "
             "close together that its transfer function loses its digits; sample more slowly, or ask for a shorter time"
         )
-    return LinearController(
-        name="LQG",
-        sample_time=h,
-        operating_input=linear.operating_input,
-        operating_output=linear.rest_output,
-        command_min=float(command_limits[0]),
-        command_max=float(command_limits[1]),
-        closed_loop_time=float(wanted),
-        law=law,
-        windup=windup,
-    )
+    return with_law("LQG", linear, command_limits, wanted, law, windup)
 
 
 def lqg_gains(linear: LinearModel, closed_loop_time: float, drift_by_noise: float) -> LqgGains:

@@ -173,14 +173,22 @@ def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loo
             f"with a closed-loop time of {closed_loop_time:.3g} s the loop would be unstable on the model itself: "
             "ask for a longer one, or choose another design"
         )
+    return with_law(gains.name, linear, command_limits, closed_loop_time, law, gains.windup(h))
+
+
+def with_law(
+    name: str, linear: LinearModel, command_limits: Limits, closed_loop_time: float, law: Law, windup: np.ndarray
+) -> LinearController:
+    """Make a controller of a law that was designed on a model. Shapes: `windup` (n,)."""
+    low, high = command_limits
     return LinearController(
-        name=gains.name,
-        sample_time=h,
+        name=name,
+        sample_time=linear.sample_time,
         operating_input=linear.operating_input,
         operating_output=linear.rest_output,
-        command_min=float(command_limits[0]),
-        command_max=float(command_limits[1]),
+        command_min=float(low),
+        command_max=float(high),
         closed_loop_time=float(closed_loop_time),
         law=law,
-        windup=gains.windup(h),
+        windup=windup,
     )

@@ -1,7 +1,6 @@
 """A controller as C source, with limits and anti-windup, for the micro-controller that drives the actuator.
 
-The code is that of `Controller.command`; besides, a reference or reading that is not finite leaves command and state
-as they were, and the caller is told.
+The code is that of `Controller.command`. If a reference or reading is not finite, command and state stay unchanged.
 """
 
 from __future__ import annotations

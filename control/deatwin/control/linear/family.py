@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import instance, numbers, positive, require_fields, taking
 from deatwin.control.linear.model import LinearModel, LinearStatus
+from deatwin.control.linear.narx import signals_of
 from deatwin.control.linear.realisation import Realisation
 from deatwin.ident.arguments import keep_read_only, read_only, real_numbers
 from deatwin.ident.frequency.checks import polynomial_model
@@ -120,7 +121,6 @@ class LinearFamily:
         """
         if not models or not models[0] or any(len(row) != len(models[0]) for row in models):
             raise ModelError("give at least one linear model for each operating point, and as many at each")
-        first = models[0][0]
         n_b, n_a = (max(getattr(m, k).size for row in models for m in row) for k in ("numerator", "denominator"))
         outputs = [[np.nan if m.operating_output is None else m.operating_output for m in row] for row in models]
         statuses = np.array([[m.status for m in row] for row in models], dtype=object)
@@ -135,11 +135,7 @@ class LinearFamily:
             exists=exists,
             stable=exists & (statuses != LinearStatus.UNSTABLE),
             has_gain=exists & (statuses != LinearStatus.NO_GAIN) & (statuses != LinearStatus.INACCURATE),
-            sample_time=first.sample_time,
-            input_name=first.input_name,
-            output_name=first.output_name,
-            input_unit=first.input_unit,
-            output_unit=first.output_unit,
+            **_signals(models[0][0]),
             realisations=_realisations(models),
         )
 
@@ -211,7 +207,7 @@ class LinearFamily:
 
     def at(self, point: int, sample: int) -> LinearModel:
         """Return the model at the indices `point` and `sample`, without a covariance."""
-        signals = self._signals | {"operating_input": float(self.operating_inputs[point])}
+        signals = _signals(self) | {"operating_input": float(self.operating_inputs[point])}
         if not self.exists[point, sample]:
             return LinearModel.without_equilibrium(_LOST, **signals)
         numerator, denominator = self.numerators[point, sample], self.denominators[point, sample]
@@ -227,10 +223,10 @@ class LinearFamily:
         least_gain = 0.0 if self.has_gain[point, sample] else np.inf
         return model.judged(bool(self.stable[point, sample]), least_gain)
 
-    @property
-    def _signals(self) -> dict[str, Any]:
-        names = ("sample_time", "input_name", "output_name", "input_unit", "output_unit")
-        return {name: getattr(self, name) for name in names}
+
+def _signals(owner: LinearModel | LinearFamily) -> dict[str, Any]:
+    names = ("sample_time", "input_name", "output_name", "input_unit", "output_unit")
+    return {name: getattr(owner, name) for name in names}
 
 
 @taking(model=instance(NarxModel))
@@ -276,11 +272,7 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
         exists=exists,
         stable=stable,
         has_gain=exists & (numerators.sum(axis=2) != 0.0),
-        sample_time=model.sample_time,
-        input_name=model.input_names[0],
-        output_name=model.output_names[0],
-        input_unit=model.input_units[0],
-        output_unit=model.output_units[0],
+        **signals_of(model),
     )
 
 

@@ -107,13 +107,7 @@ class LinearModel(Described):
         If the coefficients are not finite or have the wrong shape, or the covariance is invalid.
     """
 
-    numerator: Array = field(
-        metadata=variable(
-            "b",
-            unit=gain_unit,
-            about="coefficients of z^0, z^-1, ...",
-        )
-    )
+    numerator: Array = field(metadata=variable("b", unit=gain_unit, about="coefficients of z^0, z^-1, ..."))
     denominator: Array = field(metadata=variable("a", about="coefficients of z^0, z^-1, ..."))
     covariance: Array = field(metadata=variable("coefficient", "other_coefficient"))
     sample_time: float = field(metadata=attribute())
@@ -128,7 +122,7 @@ class LinearModel(Described):
     realisation: Realisation | None = None
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        **{name: coordinate(name, of=_coefficients) for name in ("coefficient", "other_coefficient")},
+        **{name: coordinate(name, of=_coefficients) for name in ("coefficient", "other_coefficient")}
     }
 
     def __post_init__(self) -> None:

@@ -52,7 +52,7 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
         rest = equilibrium(model, point)
         part = linear_part(model, point, rest.output)
     except ModelError as error:
-        return LinearModel.without_equilibrium(str(error), **_signals(model, point))
+        return LinearModel.without_equilibrium(str(error), operating_input=point, **signals_of(model))
     return _of_part(model, part, point, rest.output).judged(rest.is_stable)
 
 
@@ -68,15 +68,16 @@ def _of_part(model: NarxModel, part: LinearPart, operating_input: float, output:
         numerator=numerator,
         denominator=denominator,
         covariance=transformed(slopes, model.theta_cov),
+        operating_input=operating_input,
         operating_output=output,
-        **_signals(model, operating_input),
+        **signals_of(model),
     )
 
 
-def _signals(model: NarxModel, operating_input: float) -> dict[str, Any]:
+def signals_of(model: NarxModel) -> dict[str, Any]:
+    """Return names and units of a model's signals, and its sampling time, as the fields of its linear models."""
     return {
         "sample_time": model.sample_time,
-        "operating_input": operating_input,
         "input_name": model.input_names[0],
         "output_name": model.output_names[0],
         "input_unit": model.input_units[0],

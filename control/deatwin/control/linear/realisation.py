@@ -1,8 +1,7 @@
 """A sampled linear system by its matrices, and the coefficients of its transfer function.
 
-Slow poles crowd near z = 1: a polynomial keeps no more than the last digits of factors 1 - p of some 1e-4, of five such
-none. So gain, poles, zeros and responses come from the matrices. For what needs coefficients, modes that nothing
-excites or shows are taken out, and the recursion of Faddeev and Leverrier runs in integers, rounded once.
+A polynomial loses the digits of slow poles, which crowd near z = 1, so gain, poles, zeros and responses come from the
+matrices. Coefficients come from a minimal realisation, by the recursion of Faddeev and Leverrier in integers.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class GainSchedule(FamilyBands):
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "operating_input": coordinate(
             "operating_input", of=attrgetter("operating_inputs"), unit=attrgetter("family.input_unit")
-        ),
+        )
     }
 
 

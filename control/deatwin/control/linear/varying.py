@@ -41,7 +41,7 @@ class VaryingLinear(FamilyBands):
 
     ALONG: ClassVar[str] = "time"
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        "operating_input": coordinate("time", of=attrgetter("operating_inputs"), unit=attrgetter("family.input_unit")),
+        "operating_input": coordinate("time", of=attrgetter("operating_inputs"), unit=attrgetter("family.input_unit"))
     }
 
     @property

@@ -1,7 +1,6 @@
 """Margins and locus of a loop with the band that the model's covariance gives them, to first order.
 
-Exact derivatives take the place of draws, as good as the loop is linear in the coefficients over their uncertainty. A
-margin that another crossing may take over has the lowest limit of all crossings instead of its own deviation.
+A margin that another crossing may take over gets the lowest limit of all crossings.
 """
 
 from __future__ import annotations

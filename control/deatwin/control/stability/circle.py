@@ -1,10 +1,8 @@
 """Find crossings of the real axis and the unit circle and the points nearest to -1, on a grid and then refined.
 
-With N and D the polynomials of a loop L = N/D, and A = D + N, B = D - N, all that is looked for on the unit circle
-stands in a few trigonometric polynomials: Re(A B*) = |D|² - |N|² is zero where |L| is one, Im(A B*) = 2 Im(N D*) where
-L is real, and |1 + L|² = |A|²/|D|², |1 + L|²/|1 - L|² = |A|²/|B|². However sharp the resonances of a loop are, its
-polynomials are smooth, so that a grid of some points for each of their degrees brackets what there is. It may miss
-crossings between two sharp resonances that lie closer together than a few points.
+With L = N/D, A = D + N and B = D - N: Re(A B*) = |D|² - |N|² is zero where |L| is one, Im(A B*) = 2 Im(N D*) where L is
+real, |1 + L|² = |A|²/|D|² and |1 + L|²/|1 - L|² = |A|²/|B|². These polynomials are smooth however sharp the resonances
+are, but the grid may miss crossings between two sharp resonances that lie closer together than a few of its points.
 """
 
 from __future__ import annotations

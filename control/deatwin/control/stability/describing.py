@@ -1,7 +1,5 @@
-"""Describing functions of a command's limits and of a converter's codes: first harmonic of the output of A sin(wt), by
-A.
-
-Source: Gelb & Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design (1968), appendix B.
+"""Describing functions of a command's limits and of a converter's codes (Gelb & Vander Velde, Multiple-Input Describing
+Functions and Nonlinear System Design, 1968, appendix B).
 """
 
 from __future__ import annotations

@@ -69,9 +69,7 @@ class LimitCycles(Described, Frozen, Sequence[LimitCycle]):
     amplitudes: Array = field(metadata=coordinate("amplitude", name="amplitude"))
     describing: Complex = field(metadata=variable("amplitude", about="describing function N"))
 
-    DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        "n_cycles": attribute(of=len),
-    }
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {"n_cycles": attribute(of=len)}
 
     @overload
     def __getitem__(self, index: int) -> LimitCycle: ...

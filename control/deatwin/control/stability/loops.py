@@ -1,9 +1,4 @@
-"""Margins of a controller on linear models, from the matrices of those that have them: polynomials lose many slow
-modes.
-
-The loop is evaluated on a grid, dense about its poles, each crossing is bracketed and divided until it is found, and
-stability is that of the closed loop's matrix.
-"""
+"""Margins of a controller on linear models that have matrices, because polynomials lose many slow modes."""
 
 from __future__ import annotations
 

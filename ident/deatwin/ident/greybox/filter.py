@@ -1,14 +1,9 @@
 """Extended Kalman likelihood and smoother of a plant into which something unknown enters at one place.
 
-One wandering quantity d is opened at a time: a command, a force, a factor of the film, a reading, a parameter or the
-diffusion of a state. It starts from zero, where the experiment starts from rest, and is an Ornstein-Uhlenbeck process,
-
-    d_{k+1} = phi d_k + sqrt(1 - phi^2) a w_k,    phi = exp(-h/T),
-
-of most likely amplitude a and memory T: a diffusion if T is a sample, a random walk beyond the record. The calibrated
-parameters are unknown again, so what they absorbed of a mismatch comes free; the plant's own model error is a wander of
-the reading of known size. The filter is linearised along the free run, by exact derivatives that all openings share
-(Kristensen, Madsen, Jørgensen, Comput. Chem. Eng. 28 (2004) 1431-1449).
+The unknown quantity d starts from zero and is an Ornstein-Uhlenbeck process d_{k+1} = phi d_k + sqrt(1 - phi^2) a w_k,
+phi = exp(-h/T), with the most likely amplitude a and memory T. Calibrated parameters are unknown again; the model error
+wanders with a known size. The filter is linearised along the free run (Kristensen, Madsen, Jørgensen, Comput. Chem.
+Eng. 28 (2004) 1431-1449).
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
-"""A plant linearised along its own free run: exact derivatives of each implicit step by states and parameters.
+"""A plant linearised along its own free run.
 
-    x_{k+1} = F_k x_k + B_k theta + G_k d_k,    e_k = C_k x_k + D_k theta + L_k d_k + v_k,
-
-with x and theta the deviations of state and parameters, d what enters at an opening, and e measured minus simulated.
-All openings share F, B, C and D.
+x_{k+1} = F_k x_k + B_k theta + G_k d_k and e_k = C_k x_k + D_k theta + L_k d_k + v_k, where x and
+theta are deviations of state and parameters, d enters at an opening, and e is measured minus simulated.
 """
 
 from __future__ import annotations
@@ -154,7 +152,7 @@ def with_equations(
 
 def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: LinearStep) -> Linear:
     timeline, rig = plant.timeline(part.experiment), plant.rig
-    at = np.concatenate([r[m] for r, m in zip(timeline.readings, part.masks, strict=True)])
+    at = part.counted(timeline)
     n = int(at.max()) + 1
     run = plant.simulator.run(**plant.given(timeline, n))
     if not run.status.ok:

@@ -57,10 +57,10 @@ def _step(key: _Key) -> LinearStep:
 
 
 class LinearStep:
-    """One sample, with its derivatives by start, held quantities and parameters. Start and held quantities are
-    auxiliary parameters (ghosts) that occur in no equation; derivatives carried into a step are unit vectors for them,
-    and zero for the parameters."""
+    """One sample, with its derivatives by start, held quantities and parameters."""
 
+    # Start and held quantities are auxiliary parameters (ghosts) that occur in no equation; derivatives carried into a
+    # step are unit vectors for them, and zero for the parameters.
     def __init__(self, plant: Plant, openings: Sequence[Opening]) -> None:
         ghosts = [*map(start_ghost, plant.equations.states), *map(held_ghost, plant.equations.held)]
         self.equations = opened_equations(plant, openings, ghosts)

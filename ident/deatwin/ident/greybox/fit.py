@@ -316,11 +316,7 @@ def descend(
     foreseen: float = 0.0,
     response: Response | None = None,
 ) -> Calibration:
-    """Calibrate by a single descent, which an interrupt ends.
-
-    It also ends if the linear models of two successive points agree on the minimum within the share `foreseen`.
-    `response` may give residuals and Jacobian at its start.
-    """
+    """Calibrate by one descent, which also ends if two successive linear models agree on the minimum (`foreseen`)."""
     problem = replace(_problem(plant, records, None, unwatched()), response=response)
     return _calibrated(problem, 1, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless, foreseen=foreseen)
 

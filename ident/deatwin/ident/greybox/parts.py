@@ -82,30 +82,29 @@ class Part:
     @property
     def timepts(self) -> np.ndarray:
         """Clock times of the selected samples, concatenated over recordings, shape (n,), s."""
-        return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])
+        return self._selected(r.timepts for r in self.experiment.recordings)
 
     def counted(self, timeline: Timeline) -> np.ndarray:
         """Return the indices of the samples of `timeline` that are selected, shape (n,)."""
-        return np.concatenate([r[m] for r, m in zip(timeline.readings, self.masks, strict=True)])
+        return self._selected(timeline.readings)
 
     @property
     def level(self) -> np.ndarray:
         """Entries of ``levels`` at the selected samples, concatenated over recordings, shape (n,)."""
-        if self.levels is None:
-            return np.ones(self.size)
-        return np.concatenate([level[m] for level, m in zip(self.levels, self.masks, strict=True)])
+        return np.ones(self.size) if self.levels is None else self._selected(self.levels)
 
     @property
     def commands(self) -> np.ndarray:
         """Commands at the selected samples, concatenated over recordings, shape (n,), in their unit."""
-        records = zip(self.experiment.recordings, self.masks, strict=True)
-        return np.concatenate([r.inputs[0, m] for r, m in records])
+        return self._selected(r.inputs[0] for r in self.experiment.recordings)
 
     @property
     def measured(self) -> np.ndarray:
         """Readings at the selected samples times the weight, concatenated over recordings, shape (n,), SI."""
-        records = zip(self.experiment.recordings, self.masks, strict=True)
-        return self.weight * np.concatenate([r.reading(self.reading)[m] for r, m in records])
+        return self.weight * self._selected(r.reading(self.reading) for r in self.experiment.recordings)
+
+    def _selected(self, rows: Iterable[np.ndarray]) -> np.ndarray:
+        return np.concatenate([row[mask] for row, mask in zip(rows, self.masks, strict=True)])
 
     def row(self, rig: Rig) -> int:
         """Return the position of the reading in the list of readings of `rig`, counted from 0."""
@@ -187,10 +186,7 @@ def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:
 
 
 def shared(plant: Plant, parts: Sequence[Part]) -> Iterator[tuple[Part, Timeline, int, np.ndarray]]:
-    """Yield each part with its experiment's timeline, the number of samples to simulate, and the indices of its own, (n,).
-
-    All readings of an experiment share a simulation, which ends at the last sample that is selected in any of them.
-    """
+    """Yield each part with its timeline, the number of samples that all readings need, and its own indices, (n,)."""
     timelines = [plant.timeline(part.experiment) for part in parts]
     each = [part.counted(timeline) for part, timeline in zip(parts, timelines, strict=True)]
     ends: dict[tuple[object, ...], int] = {}

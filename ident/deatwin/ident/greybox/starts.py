@@ -1,8 +1,6 @@
-"""Fits from several starts: what one descent says is a minimum need not be the least.
+"""Fits from several starts, because one descent may end in a minimum that is not the least.
 
-Where small errors of a parameter grow along a record, as in a pendulum that turns over, the error over the whole record
-has many minima, and that over its opening has few. So each start first follows openings that grow by doubling, and
-only then the whole.
+If small errors grow along a record, its opening has fewer minima: each start first fits openings that double in length.
 """
 
 from __future__ import annotations
@@ -40,9 +38,7 @@ class Search:
 
 
 def least(problem: Problem, starts: int, **options: Any) -> Search | None:
-    """Fit from the given values and then, as far as needed, through growing openings and from other points; `options`
-    as for `minimise`.
-    """
+    """Fit from the given values, then as far as needed through openings and from others; `options` of `minimise`."""
     problem.watch.begin("fit from the given values")
     first = minimise(problem, **options)
     if first is None or not problem.smooth().any() or first.status is FitStatus.GIVEN_UP:
@@ -65,10 +61,7 @@ def least(problem: Problem, starts: int, **options: Any) -> Search | None:
         if len(agreed) > 1:
             break
     return Search(
-        best=replace(best, evaluations=spent),
-        tried=len(found),
-        agreed=len(agreed),
-        equals=_equals(best, agreed, limit),
+        best=replace(best, evaluations=spent), tried=len(found), agreed=len(agreed), equals=_equals(best, agreed, limit)
     )
 
 

@@ -1,8 +1,7 @@
-"""How far a parameter may go where the linear model of a fit does not hold: its error is looked at, not predicted.
+"""How far a parameter may go where the linear model of a fit does not hold.
 
-Where readings hardly tell two parameters apart the error may rise more slowly beyond a long interval, or fall again. So
-the worst known parameter is held at twice its interval, and the others are fitted: if the error rises as predicted and
-they go no farther than predicted, all intervals stand.
+The worst known parameter is held at twice its interval while the others are fitted: if the error rises as predicted,
+all intervals are confirmed.
 """
 
 from __future__ import annotations

@@ -83,8 +83,7 @@ def best_linear_approximation(
 
     References
     ----------
-    R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd edition, Wiley-IEEE Press,
-    2012, chapters 3 and 4.
+    Pintelon & Schoukens, System Identification: A Frequency Domain Approach (2nd ed. 2012), chapters 3 and 4.
     """
     records = flatten(recordings)
     require_alike(records)

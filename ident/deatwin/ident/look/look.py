@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording, label
 
+_Found = TypeVar("_Found")
 _FEWEST = 64  # Samples of a record from which the top of its spectrum is the median of some lines
 _SHOWN = 3.0  # Times the highest excited frequency up to which the coherence is drawn
 _FAR = 10.0  # Distance of an equal reading from all others, in their range, from which it may mark a missing value
@@ -231,11 +232,15 @@ def look_at(recordings: Recordings) -> Look:
     longest = max(records, key=lambda record: record.n_samples)
     if longest.outputs.shape[0] == 0 or longest.inputs.shape[0] == 0:
         raise DataError(f"{label(longest)}: a recording to look at needs an input and an output")
-    excitations = tuple(_excited(longest, row) for row in range(longest.inputs.shape[0]))
+    silent, dt = np.zeros(longest.n_samples), longest.sample_time
+    excitations = tuple(
+        _if_possible(lambda u: excitation(Recording.from_arrays(u, silent, dt)), values) for values in longest.inputs
+    )
     patterns = tuple(
         pattern_of(name, values, longest.sample_time)
         for name, values in zip(longest.input_names, longest.inputs, strict=True)
     )
+    first = patterns[0]
     return Look(
         recordings=tuple(records),
         channels=_channels(records),
@@ -243,17 +248,16 @@ def look_at(recordings: Recordings) -> Look:
         excitations=excitations,
         links=links_of(records, excitations),
         findings=_findings(records),
-        sampling=_sampling(longest),
-        best_linear=_best_linear(longest, patterns[0]),
+        sampling=_if_possible(choose_sampling, [longest]),
+        best_linear=_if_possible(best_linear_approximation, longest, period=first.period_s) if first.periods else None,
     )
 
 
-def _best_linear(record: Recording, pattern: InputPattern) -> BestLinearApproximation | None:
-    if not pattern.periods:
-        return None
+def _if_possible(find: Callable[..., _Found], *arguments: Any, **more: Any) -> _Found | None:
+    """Return what a function finds; None if the recording does not allow it."""
     try:
-        return best_linear_approximation(record, period=pattern.period_s)
-    except DataError:  # too few periods, or another input moves
+        return find(*arguments, **more)
+    except DataError:
         return None
 
 
@@ -311,13 +315,6 @@ def _noise(records: Sequence[Recording], pieces: Sequence[Array]) -> float | Non
     return max(level, resolution(np.concatenate(pieces)) / np.sqrt(12.0))  # steps hide what is smaller
 
 
-def _excited(record: Recording, row: int) -> Excitation | None:
-    try:
-        return excitation(Recording.from_arrays(record.inputs[row], np.zeros(record.n_samples), record.sample_time))
-    except DataError:
-        return None
-
-
 def _findings(records: Sequence[Recording]) -> tuple[Finding, ...]:
     """Return what `inspect_recordings` finds in the pieces that are long enough for it."""
     enough = [record for record in records if record.n_samples >= FEWEST]
@@ -325,13 +322,6 @@ def _findings(records: Sequence[Recording]) -> tuple[Finding, ...]:
     inputs, slow = set(records[0].input_names), (FindingKind.TREND, FindingKind.DRIFT)
     moved = {finding.kind for finding in found if finding.signal in inputs}
     return tuple(one for one in found if one.kind not in slow or one.kind not in moved)
-
-
-def _sampling(record: Recording) -> SamplingChoice | None:
-    try:
-        return choose_sampling([record])
-    except DataError:
-        return None
 
 
 def _link(link: Link) -> dict[str, Any]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +29,7 @@ class AmplifierOffset(Effect):
     Offset referred to the input, as amplifier data sheets state it.
     """
 
-    offset: float = 0.01
+    offset: float = field(default=0.01, metadata=ranged("V", -1.0, 1.0))
 
     name: ClassVar[str] = "amplifier_offset"
     family: ClassVar[Family] = Family.ELECTRICAL
@@ -38,9 +37,6 @@ class AmplifierOffset(Effect):
     signal: ClassVar[str] = "command"
     strength: ClassVar[str] = "offset"
     wording: ClassVar[str] = "The amplifier adds {offset} to its command"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="offset", value=self.offset, unit="V", lower=-1.0, upper=1.0),)
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         return signal + self.own("offset", build)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.smooth import soft_excess
-from deatwin.plant.parameters import Parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +39,9 @@ class AmplifierSaturation(Effect):
     Clipped output, as amplifier data sheets state it. The rounded corner is a softplus function.
     """
 
-    share: float = 1.0
-    limit: float = 2.8e3
-    rounding: float = 20.0
+    share: float = field(default=1.0, metadata=ranged("1", 0.0, 1.0))
+    limit: float = field(default=2.8e3, metadata=ranged("V", 100.0, 20e3))
+    rounding: float = field(default=20.0, metadata=ranged("V", 1.0, 1e3))
 
     name: ClassVar[str] = "amplifier_saturation"
     family: ClassVar[Family] = Family.ELECTRICAL
@@ -51,13 +50,6 @@ class AmplifierSaturation(Effect):
     strength: ClassVar[str] = "share"
     threshold: ClassVar[str] = "limit"
     wording: ClassVar[str] = "The amplifier clips beyond {limit}, where a share of {share} of the excess is lost"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=1.0),
-            Parameter(name="limit", value=self.limit, unit="V", lower=100.0, upper=20e3),
-            Parameter(name="rounding", value=self.rounding, unit="V", lower=1.0, upper=1e3),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         limit, width = self.own("limit", build), self.own("rounding", build)

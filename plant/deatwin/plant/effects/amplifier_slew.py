@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import casadi as ca
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +45,8 @@ class AmplifierSlew(Effect):
     Slew rate, as amplifier data sheets state it; corner: :math:`g(x) = x/\sqrt{w^2 + x^2}`.
     """
 
-    slowness: float = 1e-4
-    ratio: float = 0.2
+    slowness: float = field(default=1e-4, metadata=ranged("s/V", 0.0, 5e-3))
+    ratio: float = field(default=0.2, metadata=ranged("1", 0.05, 5.0, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "amplifier_slew"
     family: ClassVar[Family] = Family.ELECTRICAL
@@ -60,12 +60,6 @@ class AmplifierSlew(Effect):
     """Lag near the command, :math:`T_0`, s."""
     width: ClassVar[float] = 400.0
     """Value of :math:`w_0` for r far above 1, V."""
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="slowness", value=self.slowness, unit="s/V", lower=0.0, upper=5e-3),
-            Parameter(name="ratio", value=self.ratio, unit="1", lower=0.05, upper=5.0, scale=Scale.LOGARITHMIC),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         voltage = build.state("amplifier_output", scale=1e3)

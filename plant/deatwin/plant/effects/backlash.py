@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.smooth import soft_clip
-from deatwin.plant.parameters import Parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +38,7 @@ class Backlash(Effect):
     of Systems with Actuator and Sensor Nonlinearities (1996), chapter 2.
     """
 
-    width: float = 0.05
+    width: float = field(default=0.05, metadata=ranged("V", 0.0, 1.5))
 
     name: ClassVar[str] = "backlash"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -53,9 +52,6 @@ class Backlash(Effect):
     """Least rounding of the corners, V, so that they have a slope at a width of zero."""
     late: ClassVar[float] = 1e-4
     """Margin :math:`\\delta` after a sample's end, in samples."""
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="width", value=self.width, unit="V", lower=0.0, upper=1.5),)
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         width = self.own("width", build)

@@ -95,6 +95,11 @@ class Site:
     covered_by: str = ""
 
 
+def ranged(unit: str, lower: float, upper: float, **more: Any) -> dict[str, Any]:
+    """Describe a field of an effect by the arguments of its `Parameter`, as the field's metadata."""
+    return {"unit": unit, "lower": lower, "upper": upper, **more}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Effect(ABC):
     """Base class of effects: physics that changes one signal of a plant and vanishes exactly at a strength of zero.
@@ -134,9 +139,10 @@ class Effect(ABC):
     title: ClassVar[str] = ""
     """Name of an effect at a further place, for use in a sentence; empty at the first place."""
 
-    @abstractmethod
     def describe(self) -> tuple[Parameter, ...]:
         """Return a description of each field: its value, unit, range and source, under the field's name."""
+        described = [one for one in fields(self) if one.metadata]  # by `ranged`; other packages write the method
+        return tuple(Parameter(name=one.name, value=getattr(self, one.name), **one.metadata) for one in described)
 
     @abstractmethod
     def rewrite(self, signal: Any, build: Builder) -> Any:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +37,8 @@ class ChargeInjection(Effect):
     confirmed for VHB.
     """
 
-    share: float = 0.05
-    time: float = 100.0
+    share: float = field(default=0.05, metadata=ranged("1", 0.0, 0.5))
+    time: float = field(default=100.0, metadata=ranged("s", 1.0, 20e3, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "charge_injection"
     family: ClassVar[Family] = Family.ELECTRICAL
@@ -49,12 +49,6 @@ class ChargeInjection(Effect):
     wording: ClassVar[str] = (
         "Injected charge weakens the electric field by a share of {share}, with a time constant of {time}"
     )
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=0.5),
-            Parameter(name="time", value=self.time, unit="s", lower=1.0, upper=20e3, scale=Scale.LOGARITHMIC),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         injected = build.state("injected_voltage", scale=100.0)

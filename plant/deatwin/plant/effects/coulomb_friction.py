@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.smooth import soft_clip
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +46,8 @@ class CoulombFriction(Effect):
     doi:10.1007/s11071-015-2485-3.
     """
 
-    force: float = 0.7e-3
-    slip: float = 1e-4
+    force: float = field(default=0.7e-3, metadata=ranged("N", 0.0, 0.02, widest=0.3))
+    slip: float = field(default=1e-4, metadata=ranged("m/s", 5e-8, 5e-3, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "coulomb_friction"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -59,12 +59,6 @@ class CoulombFriction(Effect):
     """Mobility b in :math:`v_r = v_s + bF_c`, m/(s N)."""
     corner: ClassVar[float] = 1e-4
     """Rounding w of the corners of P."""
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.02, widest=0.3),
-            Parameter(name="slip", value=self.slip, unit="m/s", lower=5e-8, upper=5e-3, scale=Scale.LOGARITHMIC),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         direction = build.coordinate("friction_direction", scale=1.0)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.film import Film
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +39,8 @@ class Creep(Effect):
     Solids 95 (2016) 213.
     """
 
-    modulus: float = 26e3
-    time: float = 60.0
+    modulus: float = field(default=26e3, metadata=ranged("Pa", 0.0, 1e6))
+    time: float = field(default=60.0, metadata=ranged("s", 2.0, 2000.0, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "creep"
     family: ClassVar[Family] = Family.FILM
@@ -49,12 +49,6 @@ class Creep(Effect):
     strength: ClassVar[str] = "modulus"
     remembers: ClassVar[str] = "1"
     wording: ClassVar[str] = "The film keeps creeping with a relaxation time of {time}"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="modulus", value=self.modulus, unit="Pa", lower=0.0, upper=1e6),
-            Parameter(name="time", value=self.time, unit="s", lower=2.0, upper=2000.0, scale=Scale.LOGARITHMIC),
-        )
 
     def rewrite(self, signal: Film, build: Builder) -> Film:
         return signal.with_branch(self.name, self.own("modulus", build), self.own("time", build), build)

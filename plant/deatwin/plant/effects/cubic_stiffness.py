@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +30,7 @@ class CubicStiffness(Effect):
     Nayfeh & Mook, Nonlinear Oscillations (1979), section 2.3.
     """
 
-    stiffness: float = 2e7
+    stiffness: float = field(default=2e7, metadata=ranged("N/m3", -1e9, 1e11))
 
     name: ClassVar[str] = "cubic_stiffness"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -39,9 +38,6 @@ class CubicStiffness(Effect):
     signal: ClassVar[str] = "force"
     strength: ClassVar[str] = "stiffness"
     wording: ClassVar[str] = "The ball is held by a cubic spring of {stiffness}"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="stiffness", value=self.stiffness, unit="N/m3", lower=-1e9, upper=1e11),)
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         return signal - self.own("stiffness", build) * build.signal("displacement") ** 3

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.smooth import soft_excess
-from deatwin.plant.parameters import Parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +31,7 @@ class DeadZone(Effect):
     rounded corner is a softplus function.
     """
 
-    width: float = 0.1
+    width: float = field(default=0.1, metadata=ranged("V", 0.0, 3.0))
 
     name: ClassVar[str] = "dead_zone"
     family: ClassVar[Family] = Family.ELECTRICAL
@@ -44,9 +43,6 @@ class DeadZone(Effect):
     )
     rounding: ClassVar[float] = 5e-3
     """Rounding of the corners, :math:`\\epsilon` in V."""
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="width", value=self.width, unit="V", lower=0.0, upper=3.0),)
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         width = self.own("width", build)

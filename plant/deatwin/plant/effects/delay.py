@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil
 from types import MappingProxyType
@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.effects.base import Alone, Builder, Effect, Family, Place, Site
+from deatwin.plant.effects.base import Alone, Builder, Effect, Family, Place, Site, ranged
 from deatwin.plant.parameters import Parameter
 
 USUAL, LONGEST = 0.1, 1.6
@@ -65,7 +65,7 @@ class Delay(Effect):
     Laakso et al., IEEE Signal Process. Mag. 13 (1996) 30, doi:10.1109/79.482137 (fractional delays).
     """
 
-    time: float = 0.03
+    time: float = field(default=0.03, metadata=ranged("s", 0.0, USUAL, widest=LONGEST))
 
     name: ClassVar[str] = "delay"
     family: ClassVar[Family] = Family.ELECTRICAL
@@ -89,9 +89,6 @@ class Delay(Effect):
             )
         }
     )
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="time", value=self.time, unit="s", lower=0.0, upper=USUAL, widest=LONGEST),)
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         count = 1 + ceil(build.reach(f"{self.name}.time") / build.signal("sample_time") - ROUNDING)

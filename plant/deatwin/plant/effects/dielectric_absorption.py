@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +39,8 @@ class DielectricAbsorption(Effect):
     doi:10.1016/S0894-9166(11)60004-9 (stress E D).
     """
 
-    share: float = 0.05
-    time: float = 30.0
+    share: float = field(default=0.05, metadata=ranged("1", 0.0, 0.9))
+    time: float = field(default=30.0, metadata=ranged("s", 0.1, 5e3, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "dielectric_absorption"
     family: ClassVar[Family] = Family.ELECTRICAL
@@ -49,12 +49,6 @@ class DielectricAbsorption(Effect):
     strength: ClassVar[str] = "share"
     remembers: ClassVar[str] = "V"
     wording: ClassVar[str] = "A share of {share} of the polarisation lags with a time constant of {time}"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=0.9),
-            Parameter(name="time", value=self.time, unit="s", lower=0.1, upper=5e3, scale=Scale.LOGARITHMIC),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         voltage = build.signal("field_voltage")

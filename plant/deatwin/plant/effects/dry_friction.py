@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
 
+from deatwin.plant.effects.base import ranged
 from deatwin.plant.effects.coulomb_friction import CoulombFriction
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
@@ -52,23 +53,14 @@ class DryFriction(CoulombFriction):
     doi:10.1109/9.847103.
     """
 
-    stiction: float = 0.0
-    speed: float = 1e-3
-    unevenness: float = 0.0
+    stiction: float = field(default=0.0, metadata=ranged("1", 0.0, 2.0))
+    speed: float = field(default=1e-3, metadata=ranged("m/s", 1e-4, 2e-3, scale=Scale.LOGARITHMIC))
+    unevenness: float = field(default=0.0, metadata=ranged("1", -0.9, 0.9))
 
     wording: ClassVar[str] = (
         "The ball moves against a dry friction of {force}, increased by a share of {stiction} at rest and by a share of "
         "{unevenness} in forward motion"
     )
-
-    def describe(self) -> tuple[Parameter, ...]:
-        log = Scale.LOGARITHMIC
-        return (
-            *super().describe(),
-            Parameter(name="stiction", value=self.stiction, unit="1", lower=0.0, upper=2.0),
-            Parameter(name="speed", value=self.speed, unit="m/s", lower=1e-4, upper=2e-3, scale=log),
-            Parameter(name="unevenness", value=self.unevenness, unit="1", lower=-0.9, upper=0.9),
-        )
 
     def _resistance(self, direction: Any, build: Builder) -> Any:
         """Return the friction force divided by its level."""

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.onset import LATEST, steps_of
 from deatwin.plant.effects.smooth import smooth_step
-from deatwin.plant.parameters import Parameter
 
 
 def rate_of(share: Any, time: Any) -> Any:
@@ -43,8 +42,8 @@ class ElectrodeLoss(Effect):
     Jumps by contacts in ageing actuators: J. Appl. Phys. 115 (2014) 214105.
     """
 
-    share: float = 0.2
-    at: float = 100.0
+    share: float = field(default=0.2, metadata=ranged("1", 0.0, 0.9))
+    at: float = field(default=100.0, metadata=ranged("s", 0.0, LATEST))
 
     name: ClassVar[str] = "electrode_loss"
     family: ClassVar[Family] = Family.ELECTRICAL
@@ -53,12 +52,6 @@ class ElectrodeLoss(Effect):
     strength: ClassVar[str] = "share"
     event: ClassVar[str] = "at"
     wording: ClassVar[str] = "At {at} the electrode loses a share of {share} of its area"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=0.9),
-            Parameter(name="at", value=self.at, unit="s", lower=0.0, upper=LATEST),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         width = build.constant("electrode_loss_width", build.signal("sample_time") / 4)

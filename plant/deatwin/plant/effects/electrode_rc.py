@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.electrode_loss import rate_of
-from deatwin.plant.parameters import Parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +46,8 @@ class ElectrodeRC(Effect):
     Kirchhoff's laws for a resistance in series with two parallel capacitances.
     """
 
-    time: float = 0.05
-    film_share: float = 0.5
+    time: float = field(default=0.05, metadata=ranged("s", 0.0, 5.0))
+    film_share: float = field(default=0.5, metadata=ranged("1", 0.0, 1.0))
 
     name: ClassVar[str] = "electrode_rc"
     family: ClassVar[Family] = Family.ELECTRICAL
@@ -59,12 +58,6 @@ class ElectrodeRC(Effect):
         "The film voltage lags the amplifier with a time constant at rest of {time}, and a share of {film_share} of this time "
         "grows with the film's capacitance"
     )
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="time", value=self.time, unit="s", lower=0.0, upper=5.0),
-            Parameter(name="film_share", value=self.film_share, unit="1", lower=0.0, upper=1.0),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         left, share = build.signal("electrode_share", otherwise=1.0), self.own("film_share", build)

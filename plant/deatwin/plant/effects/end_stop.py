@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.smooth import smooth_sign, soft_excess
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,9 +46,9 @@ class EndStop(Effect):
     :math:`\lambda = 3/2\,\alpha` for slow impacts.
     """
 
-    stiffness: float = 300.0
-    position: float = 0.25e-3
-    loss: float = 20.0
+    stiffness: float = field(default=300.0, metadata=ranged("N/m", 0.0, 3e3))
+    position: float = field(default=0.25e-3, metadata=ranged("m", 50e-6, 20e-3, scale=Scale.LOGARITHMIC))
+    loss: float = field(default=20.0, metadata=ranged("s/m", 0.0, 500.0))
 
     name: ClassVar[str] = "end_stop"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -59,15 +59,6 @@ class EndStop(Effect):
     wording: ClassVar[str] = "The ball meets a stop of {stiffness} at {position}"
     width: ClassVar[float] = 5e-6
     """Rounding w of the onset of contact, m."""
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="stiffness", value=self.stiffness, unit="N/m", lower=0.0, upper=3e3),
-            Parameter(
-                name="position", value=self.position, unit="m", lower=50e-6, upper=20e-3, scale=Scale.LOGARITHMIC
-            ),
-            Parameter(name="loss", value=self.loss, unit="s/m", lower=0.0, upper=500.0),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         depth = soft_excess(build.signal("displacement") - self.own("position", build), self.width)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.smooth import smooth_magnitude, smooth_sign
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,9 +47,9 @@ class Hysteresis(Effect):
     doi:10.2514/3.61511.
     """
 
-    force: float = 1e-3
-    distance: float = 30e-6
-    beta: float = 1.0
+    force: float = field(default=1e-3, metadata=ranged("N", 0.0, 0.05, widest=0.3))
+    distance: float = field(default=30e-6, metadata=ranged("m", 5e-6, 1e-3, scale=Scale.LOGARITHMIC))
+    beta: float = field(default=1.0, metadata=ranged("1", 0.5, 2.0))
 
     name: ClassVar[str] = "hysteresis"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -58,13 +58,6 @@ class Hysteresis(Effect):
     strength: ClassVar[str] = "force"
     becomes: ClassVar[Mapping[str, str]] = MappingProxyType({"distance": "coulomb_friction"})
     wording: ClassVar[str] = "The motion has rate-independent hysteresis of {force} over {distance}"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.05, widest=0.3),
-            Parameter(name="distance", value=self.distance, unit="m", lower=5e-6, upper=1e-3, scale=Scale.LOGARITHMIC),
-            Parameter(name="beta", value=self.beta, unit="1", lower=0.5, upper=2.0),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         memory = build.state("hysteresis_memory", scale=1.0, start=0.0)

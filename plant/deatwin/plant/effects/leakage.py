@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import casadi as ca
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.laws.dielectric import conduction_density
-from deatwin.plant.parameters import Parameter
 
 SERIES_RESISTANCE = 1e9
 """Series resistance over which the voltage drops if no reading states one, ohm: the default of `Leakage`."""
@@ -49,8 +48,8 @@ class Leakage(Effect):
     values are those of `deatwin.plant.laws.conduction_density`).
     """
 
-    resistance: float = 1e9
-    field_scale: float = 40e6
+    resistance: float = field(default=1e9, metadata=ranged("ohm", 0.0, 1e11))
+    field_scale: float = field(default=40e6, metadata=ranged("V/m", 10e6, 200e6))
 
     name: ClassVar[str] = "leakage"
     family: ClassVar[Family] = Family.ELECTRICAL
@@ -62,12 +61,6 @@ class Leakage(Effect):
     wording: ClassVar[str] = (
         "Leakage through the film, which grows e-fold every {field_scale}, drops voltage over {resistance}"
     )
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="resistance", value=self.resistance, unit="ohm", lower=0.0, upper=1e11),
-            Parameter(name="field_scale", value=self.field_scale, unit="V/m", lower=10e6, upper=200e6),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         voltage = build.coordinate("leaking_voltage", scale=1e3)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import casadi as ca
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.film import AnyFilm
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +45,8 @@ class Mullins(Effect):
     homogeneous specimen, here with the energy of the whole film.
     """
 
-    softening: float = 0.1
-    energy: float = 3e3
+    softening: float = field(default=0.1, metadata=ranged("1", 0.0, 0.95))
+    energy: float = field(default=3e3, metadata=ranged("J/m3", 30.0, 300e3, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "mullins"
     family: ClassVar[Family] = Family.FILM
@@ -60,12 +60,6 @@ class Mullins(Effect):
     """Time T within which the state follows the energy density, s."""
     corner: ClassVar[float] = 0.01
     """Rounding of p, in units of m."""
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="softening", value=self.softening, unit="1", lower=0.0, upper=0.95),
-            Parameter(name="energy", value=self.energy, unit="J/m3", lower=30.0, upper=300e3, scale=Scale.LOGARITHMIC),
-        )
 
     def rewrite(self, signal: AnyFilm, build: Builder) -> AnyFilm:
         energy = self.own("energy", build)

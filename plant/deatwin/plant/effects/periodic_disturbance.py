@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place, Site
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, Site, ranged
 from deatwin.plant.effects.lines import tones
 from deatwin.plant.parameters import Parameter
 
@@ -59,9 +59,9 @@ class PeriodicDisturbance(Effect):
     Oppenheim & Schafer, Discrete-Time Signal Processing, section on sampling (aliasing).
     """
 
-    amplitude: float = 5e-6
-    frequency: float = 0.05
-    phase: float = 0.0
+    amplitude: float = field(default=5e-6, metadata=ranged("m", 0.0, 1e-3))
+    frequency: float = field(default=0.05, metadata=ranged("Hz", 1e-4, 1000.0))
+    phase: float = field(default=0.0, metadata=ranged("rad", -2 * np.pi, 2 * np.pi))
 
     name: ClassVar[str] = "periodic_disturbance"
     family: ClassVar[Family] = Family.ENVIRONMENT
@@ -79,13 +79,6 @@ class PeriodicDisturbance(Effect):
             "pressure": _added("pressure", "Pa", 10.0, 1e4, Place.PARAMETER),
         }
     )
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="amplitude", value=self.amplitude, unit="m", lower=0.0, upper=1e-3),
-            Parameter(name="frequency", value=self.frequency, unit="Hz", lower=1e-4, upper=1000.0),
-            Parameter(name="phase", value=self.phase, unit="rad", lower=-2 * np.pi, upper=2 * np.pi),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         angle = 2 * np.pi * self.own("frequency", build) * build.time + self.own("phase", build)

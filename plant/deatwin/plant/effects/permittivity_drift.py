@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.laws.permittivity import relaxing
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +35,8 @@ class PermittivityDrift(Effect):
     capacitance of ageing acrylic actuators fell by 4 to 12 % in 1000 h: J. Appl. Phys. 115 (2014) 214105.
     """
 
-    relative_change: float = -0.1
-    time: float = 300.0
+    relative_change: float = field(default=-0.1, metadata=ranged("1", -0.6, 1.5))
+    time: float = field(default=300.0, metadata=ranged("s", 20.0, 20e3, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "permittivity_drift"
     family: ClassVar[Family] = Family.FILM
@@ -46,12 +46,6 @@ class PermittivityDrift(Effect):
     wording: ClassVar[str] = (
         "The permittivity drifts towards a final change of {relative_change} with a time constant of {time}"
     )
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="relative_change", value=self.relative_change, unit="1", lower=-0.6, upper=1.5),
-            Parameter(name="time", value=self.time, unit="s", lower=20.0, upper=20e3, scale=Scale.LOGARITHMIC),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         return relaxing(build.time, signal, self.own("relative_change", build), self.own("time", build))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.film import AnyFilm, FilmPoint
 from deatwin.plant.laws.permittivity import stretched
-from deatwin.plant.parameters import Parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +39,7 @@ class PermittivityStretch(Effect):
     2)) = -0.072.
     """
 
-    slope: float = -0.07
+    slope: float = field(default=-0.07, metadata=ranged("1", -0.3, 0.3))
 
     name: ClassVar[str] = "permittivity_stretch"
     family: ClassVar[Family] = Family.FILM
@@ -48,9 +47,6 @@ class PermittivityStretch(Effect):
     signal: ClassVar[str] = "film"
     strength: ClassVar[str] = "slope"
     wording: ClassVar[str] = "The permittivity changes with the stretch, by {slope} per unit of stretch"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="slope", value=self.slope, unit="1", lower=-0.3, upper=0.3),)
 
     def rewrite(self, signal: AnyFilm, build: Builder) -> AnyFilm:
         slope, (first, second) = self.own("slope", build), signal.prestretches

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import casadi as ca
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.film import AnyFilm
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +40,8 @@ class PrestretchRelaxation(Effect):
     the drive changes. VHB keeps relaxing after minutes: Wang et al., J. Mech. Phys. Solids 95 (2016) 213.
     """
 
-    relative_loss: float = 0.05
-    time: float = 1000.0
+    relative_loss: float = field(default=0.05, metadata=ranged("1", 0.0, 0.8))
+    time: float = field(default=1000.0, metadata=ranged("s", 20.0, 200e3, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "prestretch_relaxation"
     family: ClassVar[Family] = Family.FILM
@@ -50,12 +50,6 @@ class PrestretchRelaxation(Effect):
     strength: ClassVar[str] = "relative_loss"
     order: ClassVar[int] = 2
     wording: ClassVar[str] = "The film's prestretch relaxes: it loses {relative_loss} of its tension in {time}"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="relative_loss", value=self.relative_loss, unit="1", lower=0.0, upper=0.8),
-            Parameter(name="time", value=self.time, unit="s", lower=20.0, upper=200e3, scale=Scale.LOGARITHMIC),
-        )
 
     def rewrite(self, signal: AnyFilm, build: Builder) -> AnyFilm:
         elapsed = ca.fmax(build.time, 0.0)

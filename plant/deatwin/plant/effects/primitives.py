@@ -1,7 +1,6 @@
-"""Functions of one signal s, with and without memory, that make up a free form: pure numbers, s being in units of its
-scale.
+"""Functions of one signal s, with and without memory, that make up a free form; s is in units of its scale.
 
-A memory follows dm/dt = r(s, m) from its value at rest on; corners are rounded, p(x) = x^2/(x + 0.001) above 0, else 0.
+Corners are rounded: p(x) = x^2/(x + 0.001) above 0, else 0.
 """
 
 from __future__ import annotations

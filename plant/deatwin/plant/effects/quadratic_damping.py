@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import casadi as ca
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +35,7 @@ class QuadraticDamping(Effect):
     Newton's drag :math:`\tfrac12\rho C_d A v^2`, with 1.2 kg/m³ and :math:`C_d` = 1.2 for a flat disc.
     """
 
-    coefficient: float = 1.0
+    coefficient: float = field(default=1.0, metadata=ranged("N s2/m2", 0.0, 100.0))
 
     name: ClassVar[str] = "quadratic_damping"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -44,9 +43,6 @@ class QuadraticDamping(Effect):
     signal: ClassVar[str] = "force"
     strength: ClassVar[str] = "coefficient"
     wording: ClassVar[str] = "The motion is damped by a drag of {coefficient} times the square of the velocity"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="coefficient", value=self.coefficient, unit="N s2/m2", lower=0.0, upper=100.0),)
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         velocity = build.signal("velocity")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
+from deatwin.plant.parameters import Scale
 
 STARTS = 5
 """Number of time constants from which a fit may start. They are a factor of 4 to 10 apart, and a fit reaches the true
@@ -49,8 +49,8 @@ class Relaxation(Effect):
     Maxwell branch of the standard linear solid: Christensen, Theory of Viscoelasticity (2nd ed., 1982), section 1.6.
     """
 
-    stiffness: float = 10.0
-    time: float = 0.6
+    stiffness: float = field(default=10.0, metadata=ranged("N/m", 0.0, 3e3))
+    time: float = field(default=0.6, metadata=ranged("s", 6e-3, 60e3, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "relaxation"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -58,13 +58,6 @@ class Relaxation(Effect):
     signal: ClassVar[str] = "force"
     strength: ClassVar[str] = "stiffness"
     wording: ClassVar[str] = "The force on the ball relaxes by {stiffness} with a time constant of {time}"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        log = Scale.LOGARITHMIC
-        return (
-            Parameter(name="stiffness", value=self.stiffness, unit="N/m", lower=0.0, upper=3e3),
-            Parameter(name="time", value=self.time, unit="s", lower=6e-3, upper=60e3, scale=log),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         displacement = build.signal("displacement")

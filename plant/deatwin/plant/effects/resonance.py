@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.lines import spectral_peaks
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +44,9 @@ class Resonance(Effect):
     Den Hartog, Mechanical Vibrations (4th ed., 1956), section 3.2: the dynamic absorber.
     """
 
-    mass: float = 0.2e-3
-    frequency: float = 8.0
-    damping_ratio: float = 0.03
+    mass: float = field(default=0.2e-3, metadata=ranged("kg", 0.0, 0.02))
+    frequency: float = field(default=8.0, metadata=ranged("Hz", 1.0, 24.0, scale=Scale.LOGARITHMIC))
+    damping_ratio: float = field(default=0.03, metadata=ranged("1", 1e-3, 0.7, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "resonance"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -54,14 +54,6 @@ class Resonance(Effect):
     signal: ClassVar[str] = "force"
     strength: ClassVar[str] = "mass"
     wording: ClassVar[str] = "A second mass of {mass} vibrates at {frequency} with a damping ratio of {damping_ratio}"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        log = Scale.LOGARITHMIC
-        return (
-            Parameter(name="mass", value=self.mass, unit="kg", lower=0.0, upper=0.02),
-            Parameter(name="frequency", value=self.frequency, unit="Hz", lower=1.0, upper=24.0, scale=log),
-            Parameter(name="damping_ratio", value=self.damping_ratio, unit="1", lower=1e-3, upper=0.7, scale=log),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         position = build.state("second_position", scale=1e-3)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +31,7 @@ class SensorCurvature(Effect):
     Second-order term of a calibration curve.
     """
 
-    curvature: float = 50.0
+    curvature: float = field(default=50.0, metadata=ranged("1/m", -1e3, 1e3))
 
     name: ClassVar[str] = "sensor_curvature"
     family: ClassVar[Family] = Family.SENSOR
@@ -42,9 +41,6 @@ class SensorCurvature(Effect):
     order: ClassVar[int] = -10
     """This effect acts on the reading before all others, because the sensor's curve maps the motion itself."""
     wording: ClassVar[str] = "The sensor's gain changes with the reading, by twice {curvature} times the reading"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="curvature", value=self.curvature, unit="1/m", lower=-1e3, upper=1e3),)
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         return signal + self.own("curvature", build) * signal**2

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, ClassVar
 
 import casadi as ca
 
-from deatwin.plant.effects.base import Alone, Builder, Effect, Family, Place, Site
+from deatwin.plant.effects.base import Alone, Builder, Effect, Family, Place, Site, ranged
 from deatwin.plant.parameters import Parameter, Scale
 
 
@@ -59,8 +59,8 @@ class SensorDrift(Effect):
     First-order warming of the sensor's head and mount.
     """
 
-    change: float = 50e-6
-    time: float = 200.0
+    change: float = field(default=50e-6, metadata=ranged("m", -2e-3, 2e-3))
+    time: float = field(default=200.0, metadata=ranged("s", 20.0, 20e3, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "sensor_drift"
     family: ClassVar[Family] = Family.SENSOR
@@ -79,12 +79,6 @@ class SensorDrift(Effect):
     wording: ClassVar[str] = (
         "The sensor's zero drifts towards a final change of {change} with a time constant of {time}"
     )
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="change", value=self.change, unit="m", lower=-2e-3, upper=2e-3),
-            Parameter(name="time", value=self.time, unit="s", lower=20.0, upper=20e3, scale=Scale.LOGARITHMIC),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         elapsed = ca.fmax(build.time, 0.0)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.onset import LATEST, steps_of
 from deatwin.plant.effects.smooth import smooth_step
-from deatwin.plant.parameters import Parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,8 +31,8 @@ class SensorJump(Effect):
         :math:`t_0`, the time of the jump on the experiment's clock, s.
     """
 
-    change: float = 20e-6
-    at: float = 100.0
+    change: float = field(default=20e-6, metadata=ranged("m", -2e-3, 2e-3))
+    at: float = field(default=100.0, metadata=ranged("s", 0.0, LATEST))
 
     name: ClassVar[str] = "sensor_jump"
     family: ClassVar[Family] = Family.SENSOR
@@ -44,12 +43,6 @@ class SensorJump(Effect):
     """After `sensor_curvature`: the jump is added to the output of the sensor's curve."""
     event: ClassVar[str] = "at"
     wording: ClassVar[str] = "At {at} the sensor's zero jumps by {change}"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="change", value=self.change, unit="m", lower=-2e-3, upper=2e-3),
-            Parameter(name="at", value=self.at, unit="s", lower=0.0, upper=LATEST),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         width = build.constant("sensor_jump_width", build.signal("sample_time") / 4)

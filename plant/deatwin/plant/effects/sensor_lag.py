@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place, Site
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, Site, ranged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +41,8 @@ class SensorLag(Effect):
     Lags of first and second order. At low frequencies, an average over a time T is a lag of :math:`\tau_s = T/2`.
     """
 
-    time: float = 0.01
-    inertia: float = 0.0
+    time: float = field(default=0.01, metadata=ranged("s", 0.0, 2.0))
+    inertia: float = field(default=0.0, metadata=ranged("1", 0.0, 1.0))
 
     name: ClassVar[str] = "sensor_lag"
     family: ClassVar[Family] = Family.SENSOR
@@ -68,12 +67,6 @@ class SensorLag(Effect):
     wording: ClassVar[str] = (
         "The sensor lags with a time constant of {time}, and an inertia of {inertia} times its square"
     )
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="time", value=self.time, unit="s", lower=0.0, upper=2.0),
-            Parameter(name="inertia", value=self.inertia, unit="1", lower=0.0, upper=1.0),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         time, inertia = self.own("time", build), self.own("inertia", build)

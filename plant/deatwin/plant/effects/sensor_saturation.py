@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.smooth import soft_excess
-from deatwin.plant.parameters import Parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +35,8 @@ class SensorSaturation(Effect):
     Clipped output, as sensor data sheets state it. The rounded corner is a softplus function.
     """
 
-    share: float = 1.0
-    limit: float = 0.4e-3
+    share: float = field(default=1.0, metadata=ranged("1", 0.0, 1.0))
+    limit: float = field(default=0.4e-3, metadata=ranged("m", 1e-6, 20e-3))
 
     name: ClassVar[str] = "sensor_saturation"
     family: ClassVar[Family] = Family.SENSOR
@@ -50,12 +49,6 @@ class SensorSaturation(Effect):
     wording: ClassVar[str] = "The sensor clips beyond {limit}, where a share of {share} of the excess is lost"
     width: ClassVar[float] = 1e-6
     """w, the width over which the corner is rounded, m."""
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=1.0),
-            Parameter(name="limit", value=self.limit, unit="m", lower=1e-6, upper=20e-3),
-        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         excess = soft_excess(signal - self.own("limit", build), self.width)

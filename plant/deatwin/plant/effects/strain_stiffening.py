@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.film import AnyFilm
 from deatwin.plant.laws.energies import gent, neo_hookean
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +41,8 @@ class StrainStiffening(Effect):
     Gent, Rubber Chem. Technol. 69 (1996) 59, doi:10.5254/1.3538357.
     """
 
-    modulus: float = 5e3
-    limit: float = 90.0
+    modulus: float = field(default=5e3, metadata=ranged("Pa", 0.0, 200e3))
+    limit: float = field(default=90.0, metadata=ranged("1", 40.0, 1000.0, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "strain_stiffening"
     family: ClassVar[Family] = Family.FILM
@@ -50,12 +50,6 @@ class StrainStiffening(Effect):
     signal: ClassVar[str] = "film"
     strength: ClassVar[str] = "modulus"
     wording: ClassVar[str] = "The film stiffens towards a stretch limit of {limit}, with a modulus of {modulus}"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="modulus", value=self.modulus, unit="Pa", lower=0.0, upper=200e3),
-            Parameter(name="limit", value=self.limit, unit="1", lower=40.0, upper=1000.0, scale=Scale.LOGARITHMIC),
-        )
 
     def rewrite(self, signal: AnyFilm, build: Builder) -> AnyFilm:
         modulus, limit = self.own("modulus", build), self.own("limit", build)

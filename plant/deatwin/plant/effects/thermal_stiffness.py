@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.effects.base import Builder, Effect, Family, Place
+from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.lines import slow_cycles
 from deatwin.plant.film import AnyFilm
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 from deatwin.plant.readings import ROOM_TEMPERATURE
 
 
@@ -52,9 +52,9 @@ class ThermalStiffness(Effect):
     the elastic part stiffens, the viscous part weakens).
     """
 
-    change_per_kelvin: float = -0.02
-    period: float = 1200.0
-    phase: float = -np.pi / 2
+    change_per_kelvin: float = field(default=-0.02, metadata=ranged("1/K", -0.2, 0.2))
+    period: float = field(default=1200.0, metadata=ranged("s", 20.0, 100e3, scale=Scale.LOGARITHMIC))
+    phase: float = field(default=-np.pi / 2, metadata=ranged("rad", -2 * np.pi, 2 * np.pi))
 
     name: ClassVar[str] = "thermal_stiffness"
     family: ClassVar[Family] = Family.ENVIRONMENT
@@ -70,13 +70,6 @@ class ThermalStiffness(Effect):
     """:math:`T_0`, the temperature at which the rig's modulus holds, K."""
     not_measured: ClassVar[float] = 0.0
     """Value of the channel ``temperature`` in recordings without a thermometer, K."""
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="change_per_kelvin", value=self.change_per_kelvin, unit="1/K", lower=-0.2, upper=0.2),
-            Parameter(name="period", value=self.period, unit="s", lower=20.0, upper=100e3, scale=Scale.LOGARITHMIC),
-            Parameter(name="phase", value=self.phase, unit="rad", lower=-2 * np.pi, upper=2 * np.pi),
-        )
 
     def rewrite(self, signal: AnyFilm, build: Builder) -> AnyFilm:
         room = build.channel("temperature", self.not_measured)

@@ -1,8 +1,4 @@
-"""Excitation signals: the commands of an experiment, held between samples.
-
-Each function returns commands in V, shape (n,). Where anything is random a `numpy.random.Generator` is the first
-argument, and the commands depend on its state only.
-"""
+"""Excitation signals: commands in V, shape (n,), that are held between samples."""
 
 from deatwin.plant.excitation.multisine import odd_harmonics, random_odd_harmonics, random_phase_multisine
 from deatwin.plant.excitation.noise import band_limited_noise, share_above_band

@@ -1,8 +1,4 @@
-"""Periodic sums of sines with power on chosen lines only.
-
-On a multisine of odd harmonics even nonlinearities (a film's stress goes with V²) answer on even lines only,
-odd ones on odd lines; odd lines that are left out of the excitation show the odd nonlinearities.
-"""
+"""Periodic sums of sines with power on chosen lines, which separate odd from even nonlinearities."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,8 +76,7 @@ def random_odd_harmonics(
 
     References
     ----------
-    R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd edition,
-    Wiley-IEEE Press, 2012, chapter 4 (random harmonic grids).
+    Pintelon & Schoukens, System Identification: A Frequency Domain Approach (2nd ed. 2012), chapter 4.
     """
     require_generator(rng)
     lines = odd_harmonics(period, band)
@@ -145,8 +140,7 @@ def random_phase_multisine(
 
     References
     ----------
-    R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd edition,
-    Wiley-IEEE Press, 2012, chapter 4.
+    Pintelon & Schoukens, System Identification: A Frequency Domain Approach (2nd ed. 2012), chapter 4.
     """
     require_generator(rng)
     n = sample_count("period", period, sample_time)

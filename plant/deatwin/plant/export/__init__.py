@@ -5,9 +5,4 @@ from deatwin.plant.export.model_exchange import export_model_exchange
 from deatwin.plant.export.plant_step import plant_source
 from deatwin.plant.export.sampled import SampledSource
 
-__all__ = [
-    "SampledSource",
-    "export_cosimulation",
-    "export_model_exchange",
-    "plant_source",
-]
+__all__ = ["SampledSource", "export_cosimulation", "export_model_exchange", "plant_source"]

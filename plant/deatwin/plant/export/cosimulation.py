@@ -1,7 +1,4 @@
-"""A sampled system as an FMU for co-simulation (FMI 3.0, Modelica Association 2022, chapter 4), from its C source.
-
-CasADi's exporter knows no clocks, so what moves once a sample (a NARX model, a plant with a dead time) steps by itself.
-"""
+"""A sampled system as an FMU for co-simulation (FMI 3.0, Modelica Association 2022), from its C source."""
 
 from __future__ import annotations
 

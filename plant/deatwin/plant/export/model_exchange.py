@@ -1,13 +1,7 @@
 """A plant as an FMU for model exchange (FMI 3.0, Modelica Association 2022), by CasADi's ``DaeBuilder.export_fmu``.
 
-The importing tool integrates the states. What such an FMU does not have is solved or refused here:
-
-- algebraic coordinates, and states whose time constant is zero, are solved inside by Newton's method, from their
-  values at rest, at each evaluation (index 1, so that there is nothing to integrate);
-- a reading that is a mean rate over a sample, such as a current, is left out: there are no samples;
-- parameters are numbers in the code, since the state of rest in which the FMU starts belongs to them;
-- states are in units of their typical sizes, because CasADi's exporter states a nominal value of 1 for all;
-- an effect that needs the commands of earlier samples, such as `delay`, is refused: the exporter knows no clock.
+Algebraic coordinates and states without inertia are solved inside by Newton's method. Parameters are numbers in the
+code, because the state of rest at the start depends on them.
 """
 
 from __future__ import annotations

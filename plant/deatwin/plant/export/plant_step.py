@@ -1,8 +1,4 @@
-"""Plants as C source: one implicit step of the equations per sample, as in deatwin's own simulation.
-
-The step is CasADi's code for `deatwin.plant.integrator.collocation.step_functions`; around it stand the state, past
-commands, the clock, and the shorter steps that are taken where a sample is not solved in one.
-"""
+"""Plants as C source: CasADi's code of one implicit step per sample, with state, clock and shorter steps."""
 
 from __future__ import annotations
 

@@ -1,19 +1,7 @@
-"""C source of sampled systems: the common code of models, plants and controllers.
+"""C source of sampled systems: the common code of models, plants and controllers, one file of C99.
 
-Each source is one file of C99 that needs no other. With the prefix ``narx``, say, it holds
-
-.. code-block:: c
-
-    #define NARX_INPUTS 1
-    #define NARX_OUTPUTS 1
-    #define NARX_SAMPLE_TIME 0.02
-    typedef double narx_real;                     // -DNARX_REAL=float for another one, where the source allows it
-    typedef struct { ... } narx_state;
-    void narx_init(narx_state *state);            // at rest
-    int narx_step(narx_state *state, const narx_real *u, narx_real *y);   // one sample; 0: done
-
-It allocates nothing, keeps nothing outside of the state, and prints nothing, so that several instances run beside each
-other, also in interrupts.
+With the prefix ``narx``, ``narx_init(state)`` starts at rest, and ``narx_step(state, u, y)`` computes a sample and
+returns 0. The code allocates nothing and has no other state, so that several instances can run beside each other.
 """
 
 from __future__ import annotations

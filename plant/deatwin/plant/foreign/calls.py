@@ -51,37 +51,20 @@ class Answer:
     fault: str = ""
 
 
-class _Remembered:
-    """The latest answers, by model and call."""
-
-    def __init__(self) -> None:
-        self._answers: OrderedDict[tuple[Any, bytes], Answer] = OrderedDict()
-
-    def get(self, key: tuple[Any, bytes]) -> Answer | None:
-        """Return the answer; None if it is not remembered."""
-        found = self._answers.get(key)
-        if found is not None:
-            self._answers.move_to_end(key)
-        return found
-
-    def put(self, key: tuple[Any, bytes], answer: Answer) -> None:
-        """Remember an answer."""
-        self._answers[key] = answer
-        if len(self._answers) > KEPT:
-            self._answers.popitem(last=False)
-
-
-_REMEMBERED = _Remembered()
+_REMEMBERED: OrderedDict[tuple[Any, bytes], Answer] = OrderedDict()  # The latest answers, by model and call
 
 
 def answers(model: Model, calls: Sequence[Call], longest: float = np.inf) -> list[Answer]:
     """Return answers of a model, if possible from worker processes, where each may take `longest` seconds."""
     keys = [(model, call.digest()) for call in calls]
-    found = {key: answer for key in keys if (answer := _REMEMBERED.get(key)) is not None}
+    found = {key: _REMEMBERED[key] for key in keys if key in _REMEMBERED}
+    for key in found:
+        _REMEMBERED.move_to_end(key)
     new = {key: call for key, call in zip(keys, calls, strict=True) if key not in found}
     for key, answer in zip(new, _called(model, list(new.values()), longest), strict=True):
-        found[key] = answer
-        _REMEMBERED.put(key, answer)
+        found[key] = _REMEMBERED[key] = answer
+        if len(_REMEMBERED) > KEPT:
+            _REMEMBERED.popitem(last=False)
     return [found[key] for key in keys]
 
 

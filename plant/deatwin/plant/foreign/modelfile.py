@@ -1,23 +1,4 @@
-"""Model files in TOML: names an FMU or a Python function as a plant, with what an experimenter knows of it.
-
-| section | key | range | default |
-|---|---|---|---|
-| model | file, or function | an FMU beside the file, or module:function | one of them is required |
-| model | kind | "co-simulation" or "model exchange" | the first that the FMU offers |
-| input, output | name | variable of the FMU, or name for the function | required |
-| input, output | unit | text | that of the FMU; required for a function |
-| input, output | size | above 0: typical, in that unit | required |
-| input | rest | number, in that unit: command before the first row | 0 |
-| output | noise | 0 or more: rms, in that unit | required |
-| time | sample_rate_Hz | above 0 | required |
-| time | period_s | above 0: typical time of the motion | required |
-| time | reading | "end of hold" or "start of hold" | "end of hold" |
-| parameters.NAME | value | number | the FMU's start value; required for a function |
-| parameters.NAME | lower, upper | numbers | the FMU's min and max; required if it has none |
-| parameters.NAME | unit | text | that of the FMU, or "1" |
-| parameters.NAME | logarithmic, known, varying | true or false | false |
-| channels | NAME | number: further measured input, and value for recordings without it | none |
-"""
+"""Model files in TOML, which name an FMU or a Python function as a plant (docs/how-to/foreign-models.md)."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
 """Radau IIA collocation and one implicit step of a DAE, with sensitivities by the implicit function theorem.
 
-The scheme is L-stable and stiffly accurate: algebraic equations hold at the end of each step, and a state whose mass is
-zero is algebraic (Hairer & Wanner, Solving Ordinary Differential Equations II, 1996, section IV.5,
-doi:10.1007/978-3-642-05221-7). By Newton's method a step solves
-
-    M sum_j (A^-1)_ij (X_j - x_0) = h f(X_i, Z_i, u, t + c_i h),    0 = g(X_i, Z_i, u, t + c_i h).
+A step solves M sum_j (A^-1)_ij (X_j - x_0) = h f(X_i, Z_i, u, t + c_i h) and 0 = g(...). It is L-stable and stiffly
+accurate (Hairer & Wanner, Solving Ordinary Differential Equations II, 1996, IV.5, doi:10.1007/978-3-642-05221-7).
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """C code that solves the linear system of all stages for many right sides at once, row by row in vectors.
 
-For the few dozen unknowns of a step this costs a tenth of CasADi's sparse QR. The coordinates z of each stage are
-eliminated within it, which leaves
-
-    (A^-1_ij M - delta_ij h (J_xx - J_xz J_zz^-1 J_zx)_i) x_j = r_x - h (J_xz J_zz^-1)_i r_z.
+Without the coordinates z of each stage, which are eliminated first, the system is
+(A^-1_ij M - delta_ij h (J_xx - J_xz J_zz^-1 J_zx)_i) x_j = r_x - h (J_xz J_zz^-1)_i r_z.
 """
 
 from __future__ import annotations

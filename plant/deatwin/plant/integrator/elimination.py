@@ -1,6 +1,6 @@
 """Small linear systems solved on symbols: real or complex, sparse, straight-line code without loops.
 
-There is no pivoting on values: the caller must notice that a vanishing pivot makes a result infinite or not a number.
+Pivots are not chosen by value: the caller must notice a result that is not finite.
 """
 
 from __future__ import annotations

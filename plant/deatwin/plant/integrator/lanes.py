@@ -1,7 +1,4 @@
-"""C code that evaluates one function at several points at once, one per lane of vectors as GCC and Clang have them.
-
-CasADi's code for one point would wait for each division in turn.
-"""
+"""C code that evaluates one function at several points at once, one per lane of a vector (GCC and Clang)."""
 
 from __future__ import annotations
 
@@ -28,34 +25,12 @@ DIRECT = {
     ca.OP_INV: "1.0 / {0}",
 }
 """Operations that C has for vectors."""
+ONE = "sqrt exp log sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh log1p expm1 erf floor ceil fabs".split()
+TWO = "pow atan2 hypot fmin fmax".split()
 BY_LANE = {
-    ca.OP_SQRT: "sqrt({0})",
-    ca.OP_EXP: "exp({0})",
-    ca.OP_LOG: "log({0})",
-    ca.OP_POW: "pow({0}, {1})",
+    **{getattr(ca, f"OP_{name.upper()}"): f"{name}({{0}})" for name in ONE},
+    **{getattr(ca, f"OP_{name.upper()}"): f"{name}({{0}}, {{1}})" for name in TWO},
     ca.OP_CONSTPOW: "pow({0}, {1})",
-    ca.OP_SIN: "sin({0})",
-    ca.OP_COS: "cos({0})",
-    ca.OP_TAN: "tan({0})",
-    ca.OP_ASIN: "asin({0})",
-    ca.OP_ACOS: "acos({0})",
-    ca.OP_ATAN: "atan({0})",
-    ca.OP_ATAN2: "atan2({0}, {1})",
-    ca.OP_SINH: "sinh({0})",
-    ca.OP_COSH: "cosh({0})",
-    ca.OP_TANH: "tanh({0})",
-    ca.OP_ASINH: "asinh({0})",
-    ca.OP_ACOSH: "acosh({0})",
-    ca.OP_ATANH: "atanh({0})",
-    ca.OP_LOG1P: "log1p({0})",
-    ca.OP_EXPM1: "expm1({0})",
-    ca.OP_HYPOT: "hypot({0}, {1})",
-    ca.OP_ERF: "erf({0})",
-    ca.OP_FLOOR: "floor({0})",
-    ca.OP_CEIL: "ceil({0})",
-    ca.OP_FABS: "fabs({0})",
-    ca.OP_FMIN: "fmin({0}, {1})",
-    ca.OP_FMAX: "fmax({0}, {1})",
     ca.OP_SIGN: "({0} > 0) - ({0} < 0)",
     ca.OP_LT: "{0} < {1}",
     ca.OP_LE: "{0} <= {1}",
@@ -66,7 +41,8 @@ BY_LANE = {
     ca.OP_OR: "{0} || {1}",
     ca.OP_IF_ELSE_ZERO: "{0} ? {1} : 0",
 }
-"""Operations done lane by lane; a compiler may still find a vector instruction."""
+"""Operations done lane by lane, most by a function of C with `ONE` or `TWO` arguments; a compiler may still find a
+vector instruction."""
 
 
 INCLUDE = "#include <math.h>\n"

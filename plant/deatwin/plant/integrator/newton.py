@@ -1,10 +1,7 @@
 """Newton's method on the stages of an implicit step: simplified and transformed, and in full where that fails.
 
-The simplified method keeps the Jacobian J of the start for all stages. With the inverse Butcher matrix A^-1 = T Lambda
-T^-1, the system falls apart into one of the plant's size for each eigenvalue, of which one of each conjugate pair is
-solved (Hairer & Wanner, 1996, section IV.8, doi:10.1007/978-3-642-05221-7):
-
-    (lambda M - h J) v_lambda = (T^-1 G)_lambda,    Delta w = sum_lambda T_lambda v_lambda.
+The simplified method keeps the Jacobian J of the start. With A^-1 = T Lambda T^-1 it solves, for one eigenvalue of each
+conjugate pair, (lambda M - h J) v = (T^-1 G)_lambda (Hairer & Wanner 1996, IV.8).
 """
 
 from __future__ import annotations

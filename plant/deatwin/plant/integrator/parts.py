@@ -1,10 +1,7 @@
 """Division of a sample into two parts, each solved in its own step, at a place that depends on parameters.
 
-A step takes half of the sample's width and the clock runs faster or slower, so that no width depends on a parameter and
-nothing moves in a part of no width. With the share s of the first part and the phase 0 <= p <= 1
-
-    t = t_k + h theta(p),    theta = 2 s p in the first part, s + (1 - s)(2 p - 1) in the second,
-    M dx/dp = h theta'(p) f.
+Each step takes half of the sample's width, and the clock runs faster or slower, so no width depends on a parameter:
+t = t_k + h theta(p), where theta is 2 s p in the first part (share s, phase p), and s + (1 - s)(2 p - 1) in the second.
 """
 
 from __future__ import annotations

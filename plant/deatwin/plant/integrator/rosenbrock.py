@@ -1,12 +1,9 @@
-"""A plant integrated by a Rosenbrock method with its own choice of step: no Newton iterations, no fixed stages.
+"""A plant integrated by the Rosenbrock method RODAS with its own choice of step, without Newton iterations.
 
-One step of M dw/dt = F(w, t) from w over h solves, with one matrix for all six stages,
-
-    (M/(gamma h) - F_w) k_i = F(w + sum_j a_ij k_j, t + alpha_i h) + M sum_j (c_ij/h) k_j + gamma_i h F_t,  j < i.
-
-RODAS (Hairer & Wanner, 1996, section VI.4, doi:10.1007/978-3-642-05221-7) has order 4 with an estimate of order 3, is
-L-stable and stiffly accurate, so that algebraic equations (zero rows of M) hold at the end of each step. Where an input
-jumps, Newton's method makes the coordinates consistent before the next step.
+One step of M dw/dt = F(w, t) solves
+(M/(gamma h) - F_w) k_i = F(w + sum_j a_ij k_j, t + alpha_i h) + M sum_j (c_ij/h) k_j + gamma_i h F_t,  j < i.
+Order 4, L-stable, stiffly accurate (Hairer & Wanner 1996, VI.4, doi:10.1007/978-3-642-05221-7). Where an input jumps,
+Newton's method makes the coordinates consistent before the next step.
 """
 
 from __future__ import annotations

@@ -24,10 +24,7 @@ from deatwin.plant.laws.energies import (
     yeoh,
 )
 from deatwin.plant.laws.formula import Formula
-from deatwin.plant.laws.permittivity import (
-    relaxing,
-    stretched,
-)
+from deatwin.plant.laws.permittivity import relaxing, stretched
 
 __all__ = [
     "HUANG_2012",

@@ -1,20 +1,8 @@
 r"""Electrostatics of the film: energies, Maxwell stress and strain, electrostriction, capacitance, conduction.
 
-**How thickness stress and in-plane stress relate.** Co-energy gives the in-plane stress
-:math:`\lambda_i\,\partial w_e/\partial\lambda_i = -\varepsilon E^2` in a film that is free across its thickness.
-An incompressible film does not feel an equal stress on all sides, so this is the same load as a pressure
-:math:`\varepsilon E^2` on its faces, or as half of each: the electrodes attract with
-:math:`\tfrac12\varepsilon E^2`, and the charges on each of them repel sideways with as much.
-
-**How the factor one half of the thesis relates.** A small load of :math:`-\tfrac12\varepsilon E^2` across and
-:math:`+\tfrac12\varepsilon E^2` along a free film of modulus Y and Poisson's ratio :math:`\nu` gives
-
-.. math:: s_z = -\frac{1 + 2\nu}{2}\,\frac{\varepsilon E^2}{Y}
-
-The thesis (W. R. Jacobs, University of Sheffield, eq. 2.2) writes :math:`-\tfrac12 s\,\varepsilon E^2` with the
-compliance s. That counts the attraction alone: right with s = 1/Y for :math:`\nu = 0`, and for any compressible
-film that is clamped sideways, with :math:`s = (1+\nu)(1-2\nu)/[(1-\nu)Y]`. An elastomer has :math:`\nu = \tfrac12`:
-free, it contracts by :math:`\varepsilon E^2/Y`, twice as much; clamped, not at all.
+The co-energy gives the in-plane stress :math:`-\varepsilon E^2`. For an incompressible film, this is the same load as a
+pressure :math:`\varepsilon E^2` on its faces. The thesis' factor one half (W. R. Jacobs, eq. 2.2) counts only the
+attraction of the electrodes: a free elastomer contracts by twice as much, and a film clamped sideways not at all.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-r"""Hyperelastic energies of an incompressible film.
+r"""Hyperelastic energies of an incompressible film per reference volume, as functions of the in-plane stretches.
 
-Energies are per reference volume, functions of the two in-plane stretches; the third one follows from
-:math:`\lambda_1\lambda_2\lambda_3 = 1`. Each is zero at rest, takes CasADi symbols or floats alike and says its
-shear modulus :math:`\mu_0` at small strain, where the elastic modulus is :math:`Y = 3\mu_0`.
+Each is zero at rest and takes CasADi symbols or floats. The elastic modulus at small strain is :math:`3\mu_0`.
 """
 
 from __future__ import annotations

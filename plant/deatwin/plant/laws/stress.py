@@ -1,8 +1,4 @@
-r"""Stresses and tangents of a film, differentiated from its energy.
-
-An *energy* here is any function of the two in-plane stretches and further parameters: a hyperelastic one of
-`deatwin.plant.laws.energies`, the co-energy of the field, or their sum.
-"""
+"""Stresses and tangents of a film, differentiated from any energy of the two in-plane stretches."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""The rig of the thesis: a prestrained film in a ring, an electrode disc, and a ball that loads its centre.
-
-The ball's deflection and velocity are states; what the film does below them is written by `deatwin.plant.rigs.reduced`
-or `deatwin.plant.rigs.membrane`. Lengths with the name *reference* are those of the unstretched film.
-"""
+"""The rig of the thesis: a prestrained film in a ring, an electrode disc, and a ball that loads its centre."""
 
 from __future__ import annotations
 

@@ -8,12 +8,13 @@ from typing import Any, Protocol, TypeVar
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
-from deatwin.plant.film import AnyFilm, FilmPoint, film_points, point_capacitances
+from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm, film_points, point_capacitances
 from deatwin.plant.material import Material
 from deatwin.plant.supply import Supply
 
 Symbol = Any
 SomeFilm = TypeVar("SomeFilm", bound=AnyFilm)
+MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the electrode's; half of the area lies within
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,6 +49,14 @@ class BallInFilm(Protocol):
 def electrode_share(build: Builder) -> Symbol:
     """Return the share of the electrode's area that still has contact."""
     return build.share("electrode_share", build.place(Place.FILM, "electrode_share", 1.0))
+
+
+def uniform_film(
+    volume: Symbol, stretches: tuple[Symbol, Symbol], build: Builder, coordinates: Sequence[Symbol] = ()
+) -> Kinematics:
+    """Return a film that has the same stretches everywhere."""
+    point = FilmPoint(volume=volume, stretches=stretches, radius=MIDDLE, coverage=electrode_share(build))
+    return Kinematics(points=[point], coordinates=coordinates, film=PointwiseFilm)
 
 
 def material_film(shape: Kinematics, substance: Material, prestretches: tuple[float, float], build: Builder) -> AnyFilm:

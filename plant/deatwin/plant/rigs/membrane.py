@@ -1,12 +1,8 @@
 """Fine film of a diaphragm: axisymmetric elements whose branches flow independently at each point.
 
-The unknowns at a node are its hoop stretch L = r/rho and its height z, both quadratic within an element of s = ln rho:
-
-    lambda_2 = L,    lambda_1^2 = (L + dL/ds)^2 + (dz/ds / rho)^2.
-
-Two Gauss points in each element, for areas rho^2 ds rather than lengths ds, take the energy: a flat film under equal
-stretch balances whatever the elements, and the sag z ~ s of a small load is one of their shapes; displacements converge
-with the fourth power of their size.
+The hoop stretch L = r/rho and the height z are quadratic within an element of s = ln rho, and
+lambda_1^2 = (L + dL/ds)^2 + (dz/ds / rho)^2. The Gauss points are those for areas, so that a flat film under equal
+stretch balances exactly; displacements converge with the fourth power of the elements' size.
 """
 
 from __future__ import annotations

@@ -11,17 +11,16 @@ from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.errors import RigError
-from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
+from deatwin.plant.film import AnyFilm
 from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rigs.base import Rig, StartProcedure
 from deatwin.plant.rigs.film_actuator import LIMITS, SIDES, FilmActuator, check_sides, relaxed_stresses, watch_field
-from deatwin.plant.rigs.kinematics import Kinematics, electrode_share, material_film, squared_voltage
+from deatwin.plant.rigs.kinematics import Kinematics, material_film, squared_voltage, uniform_film
 
 Symbol = Any
 ROUNDED = 0.01  # Share by which a rounded side stretch may miss that of a film without side load
-MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the electrode's; half of the area lies within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,8 +120,7 @@ class Planar(FilmActuator):
         along = position / length
         across, coordinates = SIDES[self.sides]("side_stretch", along, self.across, build)
         volume = length * width * build.parameter("thickness")
-        point = FilmPoint(volume=volume, stretches=(along, across), radius=MIDDLE, coverage=electrode_share(build))
-        return Kinematics(points=[point], coordinates=coordinates, film=PointwiseFilm)
+        return uniform_film(volume, (along, across), build, coordinates)
 
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
         across = build.constant("reference_width", self.width) * shape.points[0].stretches[1]
@@ -194,16 +192,9 @@ class BlockedPlanar(Rig):
         along = build.constant("prestretch", self.prestretch)
         across = build.constant("side_prestretch", self.side_prestretch)
         length, width = build.constant("length", self.length), build.constant("width", self.width)
-        point = FilmPoint(
-            volume=length * width * build.parameter("thickness"),
-            stretches=(along, across),
-            radius=MIDDLE,
-            coverage=electrode_share(build),
-        )
-        shape = Kinematics(points=[point], coordinates=[], film=PointwiseFilm)
-        film = build.place(
-            Place.FILM, "film", material_film(shape, self._material, (self.prestretch, self.side_prestretch), build)
-        )
+        shape = uniform_film(length * width * build.parameter("thickness"), (along, across), build)
+        mounted = (self.prestretch, self.side_prestretch)
+        film = build.place(Place.FILM, "film", material_film(shape, self._material, mounted, build))
         squared = squared_voltage(build.share("film", film), build, self.supply)
         watch_field(film, build)
         watch_limits(film, squared, build)

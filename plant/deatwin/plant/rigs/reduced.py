@@ -1,25 +1,13 @@
-r"""Film of a diaphragm, reduced to four coordinates.
+r"""Film of a diaphragm, reduced to four coordinates: stretch of the electrode's edge, two drops, and one for the ball.
 
-Both zones, the electrode and the annulus, keep a uniform thickness while flat, :math:`r^2 = \alpha\rho^2 + \beta`,
-between the stretches at their edges; the film falls by one drop in the annulus, with z logarithmic in r, and by
-another under the electrode. Stretch of the electrode's edge and both drops (their sum is the deflection) are three
-coordinates. The fourth depends on the ball:
+Electrode and annulus keep a uniform thickness while flat, :math:`r^2 = \alpha\rho^2 + \beta`, and each falls by a drop,
+with z logarithmic in r. A sliding ball adds the stretch at the contact. A bonded one adds a bow
+:math:`-b\,s(1 - s)`, :math:`s = \ln(r_a/r)/\ln(r_a/r_c)`, the first term due to a tension that changes with s; without
+it the film is too stiff by 17 % at 2.8 kV.
 
-- *sliding*: the stretch at the ball. The slope is steepest there and draws the film in.
-- *bonded*: the film is held at the ball and stays thick there, while voltage thins it towards the edge. A vertical
-  cut, :math:`2\pi r N\,dz/dr = -F`, asks for a logarithmic profile where the tension N is uniform. Where it changes
-  with :math:`s = \ln(r_a/r)/\ln(r_a/r_c)`, from the electrode's edge :math:`r_a` to the ball :math:`r_c`, the first
-  term that it adds to z is a *bow* b,
-
-.. math:: \frac{dz}{ds} \propto \frac{1}{N_a(1 + cs)} \approx \frac{1 - cs}{N_a}
-          \quad\Rightarrow\quad z = w_i\,s - b\,s(1 - s),
-
-  without which a bonded film is too stiff by 17 % at 2.8 kV.
-
-Against the fine film (contact radius 3 mm) displacements err by at most 1.5 % up to 3 kV (sliding), and by 1.2 % up to
-2.8 kV and 3.5 % at 3 kV (bonded); with 1.5 mm by 1.9 and 1.7 %. A branch relaxes to a flat film and so holds a sagging
-one: of a film that relaxes strongly, such as VHB, the displacement at 3 kV is 1 % too small at a prestretch of 1.5, 4 %
-at 1.2 and 14 % at 1.1.
+Against the fine film (contact radius 3 mm) displacements err by at most 1.5 % up to 3 kV (sliding), and by 3.5 %
+(bonded). A branch relaxes to a flat film: with a film that relaxes strongly, the displacement at 3 kV is 1 % too small
+at a prestretch of 1.5, 4 % at 1.2 and 14 % at 1.1.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""A film round about an axis, as a sum of shapes that move in its plane and out of it.
+"""A film round about an axis, as a sum of shapes f in its plane and e out of it.
 
-    r = rho (Lambda + sum_k g_k f_k(rho)),    z = sum_k h_k e_k(rho),    lambda_1^2 = r'^2 + z'^2,    lambda_2 = r/rho,
-
-where rho is the reference radius and Lambda the prestretch.
+r = rho (Lambda + sum_k g_k f_k(rho)) and z = sum_k h_k e_k(rho), with reference radius rho and prestretch Lambda; then
+lambda_1^2 = r'^2 + z'^2 and lambda_2 = r/rho.
 """
 
 from __future__ import annotations

@@ -7,12 +7,10 @@ from typing import Any, ClassVar
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.errors import RigError
-from deatwin.plant.film import FilmPoint, PointwiseFilm
 from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
-from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
+from deatwin.plant.rigs.kinematics import Kinematics, uniform_film
 
 Symbol = Any
-MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the electrode's; half of the area lies within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,8 +95,7 @@ class Roll(FilmActuator):
         length = build.constant("length", self.length)
         volume = length * build.constant("width", self.width) * build.parameter("thickness")
         stretches = (position / length, build.constant("hoop_prestretch", self.hoop_prestretch))
-        point = FilmPoint(volume=volume, stretches=stretches, radius=MIDDLE, coverage=electrode_share(build))
-        return Kinematics(points=[point], coordinates=[], film=PointwiseFilm)
+        return uniform_film(volume, stretches, build)
 
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
         compressed = build.parameter("spring_length") - position

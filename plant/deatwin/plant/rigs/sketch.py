@@ -36,10 +36,8 @@ class _Pen:
 
     def disc(self, centre: Point, radius: float, colour: str, alpha: float = 0.25) -> None:
         turned = np.linspace(0.0, 2 * np.pi, 121)
-        ring = [
-            (centre[0] + radius * c, centre[1] + radius * s)
-            for c, s in zip(np.cos(turned), np.sin(turned), strict=True)
-        ]
+        x, y = centre[0] + radius * np.cos(turned), centre[1] + radius * np.sin(turned)
+        ring = list(zip(x, y, strict=True))
         self.area(*ring, colour=colour, alpha=alpha)
         self.line(*ring, colour=colour, width=1.2)
 
@@ -113,7 +111,7 @@ def _stretched(rig: Any) -> str:
     return f"stretched to {rig.prestretch:g} both ways"
 
 
-def _round(pen: _Pen, rig: Any, inner: tuple[str, float], depth: float, colour: str = ELECTRODE) -> tuple[float, float]:
+def _round(pen: _Pen, rig: Any, inner: tuple[str, float], colour: str = ELECTRODE) -> tuple[float, float]:
     """Draw a ring from above, and its frame from the side; return radius and height of the inner part."""
     name, radius = inner
     share, place = radius / rig.frame_radius, 2.7
@@ -142,20 +140,18 @@ def _profile(pen: _Pen, place: float, height: Callable[[np.ndarray], np.ndarray]
 
 
 def _diaphragm(pen: _Pen, rig: Any) -> list[str]:
-    share, place = _round(pen, rig, ("electrode", rig.electrode_radius), 0.4)
+    share, place = _round(pen, rig, ("electrode", rig.electrode_radius))
     contact = rig.contact_radius / rig.frame_radius
     pen.disc((0.0, 0.0), contact, BODY, 0.8)
     _profile(pen, place, lambda at: -0.4 * np.log(1 / np.maximum(at, contact)) / np.log(1 / contact), share)
     ball = max(1.3 * contact, 0.08)
     pen.disc((place, ball - 0.4), ball, BODY, 0.8)
     pen.arrow((place, -0.45), (place, -0.95), "is read")
-    return [
-        f"{_stretched(rig)}; ball {with_unit(1e3 * rig.mass, 'g')}, contact ⌀ {_length(2 * rig.contact_radius)}",
-    ]
+    return [f"{_stretched(rig)}; ball {with_unit(1e3 * rig.mass, 'g')}, contact ⌀ {_length(2 * rig.contact_radius)}"]
 
 
 def _disc(pen: _Pen, rig: Any) -> list[str]:
-    share, place = _round(pen, rig, ("electrode", rig.electrode_radius), 0.0)
+    share, place = _round(pen, rig, ("electrode", rig.electrode_radius))
     _profile(pen, place, np.zeros_like, share)
     pen.arrow((place + share, -0.12), (place + min(share + 0.35, 0.95), -0.12))
     pen.text(place + share, -0.4, "is read: the edge's radius")
@@ -163,7 +159,7 @@ def _disc(pen: _Pen, rig: Any) -> list[str]:
 
 
 def _cone(pen: _Pen, rig: Any) -> list[str]:
-    share, place = _round(pen, rig, ("rigid disc", rig.disc_radius), 0.5, BODY)
+    share, place = _round(pen, rig, ("rigid disc", rig.disc_radius), BODY)
     _profile(pen, place, lambda at: -0.5 * (1 - np.maximum(at - share, 0.0) / (1 - share)), 1.0)
     pen.box(place - share, -0.56, place + share, -0.44)
     pen.arrow((place, -0.6), (place, -1.05), "is read")
@@ -174,7 +170,7 @@ def _cone(pen: _Pen, rig: Any) -> list[str]:
 
 
 def _pressure(pen: _Pen, rig: Any) -> list[str]:
-    _, place = _round(pen, rig, ("", rig.frame_radius), 0.5)
+    _, place = _round(pen, rig, ("", rig.frame_radius))
     _profile(pen, place, lambda at: 0.5 * (1 - at**2), 1.0)
     for at in (-0.5, 0.0, 0.5):
         pen.arrow((place + at, -0.4), (place + at, -0.02))
@@ -183,8 +179,8 @@ def _pressure(pen: _Pen, rig: Any) -> list[str]:
     return [f"{_stretched(rig)}; electrodes all over"]
 
 
-def _strip(pen: _Pen, length: float, widths: tuple[float, float], names: tuple[str, str], film: str) -> float:
-    """Draw a film between two bars, with its widths at the middle and the bars; return the position of the right bar."""
+def _strip(pen: _Pen, length: float, widths: tuple[float, float], names: tuple[str, str], film: str, read: str) -> None:
+    """Draw a film between two bars, with its widths at the middle and the bars, and what is read at the right one."""
     size = max(length, *widths) / 1.6
     right, middle, end = length / size, widths[0] / size, widths[1] / size
     upper = [(0.0, end / 2), (right / 2, middle / 2), (right, end / 2)]
@@ -199,29 +195,29 @@ def _strip(pen: _Pen, length: float, widths: tuple[float, float], names: tuple[s
     if middle != end:
         pen.arrow((right / 2, -middle / 2), (right / 2, middle / 2), both=True)
         pen.text(right / 2, -middle / 2 - 0.2, f"{names[0]} {_length(widths[0])}")
-    return right + 0.04
+    pen.arrow((right + 0.04, 0.0), (right + 0.39, 0.0), read)
 
 
 def _planar(pen: _Pen, rig: Any) -> list[str]:
-    right = _strip(pen, rig.length, (rig.width, rig.width), ("width", "width"), ELECTRODE)
-    pen.arrow((right, 0.0), (right + 0.35, 0.0), "read")
-    return [_both_ways(rig), f"sides {rig.sides}; moved mass {with_unit(1e3 * rig.mass, 'g')}"]
-
-
-def _both_ways(rig: Any) -> str:
-    across = "" if rig.side_prestretch is None else f", {rig.side_prestretch:g} across"
-    return f"lengths before stretching; stretched to {rig.prestretch:g} along{across}"
+    _strip(pen, rig.length, (rig.width, rig.width), ("width", "width"), ELECTRODE, "read")
+    return _held_by_bars(rig)
 
 
 def _bow_tie(pen: _Pen, rig: Any) -> list[str]:
-    right = _strip(pen, rig.length, (rig.waist_width, rig.bar_width), ("waist", "bar"), ELECTRODE)
-    pen.arrow((right, 0.0), (right + 0.35, 0.0), "read")
-    return [_both_ways(rig), f"sides {rig.sides}; moved mass {with_unit(1e3 * rig.mass, 'g')}"]
+    _strip(pen, rig.length, (rig.waist_width, rig.bar_width), ("waist", "bar"), ELECTRODE, "read")
+    return _held_by_bars(rig)
+
+
+def _held_by_bars(rig: Any) -> list[str]:
+    across = "" if rig.side_prestretch is None else f", {rig.side_prestretch:g} across"
+    return [
+        f"lengths before stretching; stretched to {rig.prestretch:g} along{across}",
+        f"sides {rig.sides}; moved mass {with_unit(1e3 * rig.mass, 'g')}",
+    ]
 
 
 def _coupon(pen: _Pen, rig: Any) -> list[str]:
-    right = _strip(pen, rig.length, (rig.width, rig.width), ("width", "width"), FILM)
-    pen.arrow((right, 0.0), (right + 0.35, 0.0), "force")
+    _strip(pen, rig.length, (rig.width, rig.width), ("width", "width"), FILM, "force")
     return ["the stretch is given, the force is read; no electrodes"]
 
 

@@ -9,12 +9,11 @@ from typing import Any, ClassVar
 import casadi as ca
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
+from deatwin.plant.film import AnyFilm
 from deatwin.plant.rigs.film_actuator import FilmActuator, watch_breakdown
-from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
+from deatwin.plant.rigs.kinematics import Kinematics, uniform_film
 
 Symbol = Any
-MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the electrode's; half of the area lies within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,8 +86,7 @@ class Stack(FilmActuator):
         thickness = build.parameter("thickness")
         stretch = ca.sqrt(1 / (1 - position / (layers * thickness)))
         volume = layers * build.constant("area", self.area) * thickness
-        point = FilmPoint(volume=volume, stretches=(stretch, stretch), radius=MIDDLE, coverage=electrode_share(build))
-        return Kinematics(points=[point], coordinates=[], film=PointwiseFilm)
+        return uniform_film(volume, (stretch, stretch), build)
 
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
         return build.parameter("load") * position

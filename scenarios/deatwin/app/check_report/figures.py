@@ -10,7 +10,7 @@ import numpy as np
 
 from deatwin.app.check_report.view import View, header, thinned
 from deatwin.control import ClosedLoop
-from deatwin.control.checking.rows import MarginRow
+from deatwin.control.checking.rows import LOWS, MarginRow
 from deatwin.control.checking.specification import Limit
 from deatwin.control.checking.verdict import late_rms_error
 from deatwin.control.controllers.base import Controller
@@ -237,8 +237,8 @@ class _Measure:
 
     def values(self, rows: list[MarginRow]) -> tuple[Array, Array]:
         """Return a source's own margins and their low quantiles, each of shape (n,)."""
-        low = "phase_low_deg" if self.field == "phase_deg" else f"{self.field}_low"
-        own, least = (np.array([getattr(row, name) for row in rows]) / self.scale for name in (self.field, low))
+        names = (self.field, LOWS[self.field])
+        own, least = (np.array([getattr(row, name) for row in rows]) / self.scale for name in names)
         return own, least
 
     def reach(self, values: list[float]) -> tuple[float, float]:

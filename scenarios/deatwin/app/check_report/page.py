@@ -8,17 +8,11 @@ from dataclasses import dataclass
 from functools import partial
 from math import isfinite
 
-from deatwin.app.check_report.figures import (
-    draw_margins,
-    draw_nyquist,
-    draw_others,
-    draw_sine,
-    draw_steps,
-)
+from deatwin.app.check_report.figures import draw_margins, draw_nyquist, draw_others, draw_sine, draw_steps
 from deatwin.app.check_report.view import View
 from deatwin.control import Check, PidGains, Verdict
 from deatwin.control.checking.amounts import amount
-from deatwin.control.checking.rows import BAND
+from deatwin.control.checking.rows import BAND, LOWS
 from deatwin.control.checking.specification import Limit
 from deatwin.control.checking.verdict import Finding
 from deatwin.plant.amplitudes import written_amplitude
@@ -197,15 +191,6 @@ NEXT = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tile:
-    """A number at the top of the page."""
-
-    name: str
-    value: str
-    unit: str = ""
-
-
 def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None:
     """Write ``report.html`` and the data of its figures."""
     drawn = _drawn(view)
@@ -263,38 +248,24 @@ def _drawn(view: View) -> list[Drawing]:
     return found
 
 
-def _tiles(view: View) -> list[Tile]:
+def _tiles(view: View) -> list[tuple[str, str, str]]:
+    """Return name, value and unit of each number at the top of the page."""
     check, at = view.check, view.check.operating
-    input_unit = "" if at.input_unit == "1" else at.input_unit
-    tiles = [Tile(name="operating input", value=three_digits(at.input), unit=input_unit)]
+    tiles = [("operating input", three_digits(at.input), "" if at.input_unit == "1" else at.input_unit)]
     if at.output is not None:
-        tiles.append(
-            Tile(name="output at the operating input", value=three_digits(at.output / view.size), unit=view.shown_unit)
-        )
+        tiles.append(("output at the operating input", three_digits(at.output / view.size), view.shown_unit))
     if check.controller is None or check.margins is None:
         return tiles
-    promised = check.margins
     tiles += [
-        Tile(name="controller", value=check.controller.name),
-        Tile(name="closed-loop time", value=three_digits(check.controller.closed_loop_time), unit="s"),
-        Tile(name="crossover at the operating input", value=three_digits(promised.crossover_Hz), unit="Hz"),
+        ("controller", check.controller.name, ""),
+        ("closed-loop time", three_digits(check.controller.closed_loop_time), "s"),
+        ("crossover at the operating input", three_digits(check.margins.crossover_Hz), "Hz"),
     ]
     if check.excited_band_Hz is not None:
-        tiles.append(
-            Tile(
-                name="highest frequency that the recording excited",
-                value=three_digits(check.excited_band_Hz),
-                unit="Hz",
-            )
-        )
+        tiles.append(("highest frequency that the recording excited", three_digits(check.excited_band_Hz), "Hz"))
     if check.steps is not None:
-        tiles.append(
-            Tile(
-                name="error on steps in simulation with the plant model",
-                value=three_digits(check.steps.rms_error / view.size),
-                unit=f"{view.shown_unit} rms".strip(),
-            )
-        )
+        error, unit = three_digits(check.steps.rms_error / view.size), f"{view.shown_unit} rms".strip()
+        tiles.append(("error on steps in simulation with the plant model", error, unit))
     return tiles
 
 
@@ -306,20 +277,20 @@ def _margins_here(view: View) -> list[tuple[str, ...]]:
     own, spec, h = check.margins, view.specification, check.operating.sample_time
     lows = [own, *(row for row in check.table if row.source == BAND)]
     kinds = (
-        ("gain", "gain", "gain_low", spec.gain, 1.0, ""),
-        ("phase", "phase_deg", "phase_low_deg", spec.phase_deg, 1.0, "°"),
-        ("delay (samples)", "delay", "delay_low", spec.delay_samples, h, ""),
-        ("disk", "disk", "disk_low", spec.disk, 1.0, ""),
+        ("gain", "gain", spec.gain, 1.0, ""),
+        ("phase", "phase_deg", spec.phase_deg, 1.0, "°"),
+        ("delay (samples)", "delay", spec.delay_samples, h, ""),
+        ("disk", "disk", spec.disk, 1.0, ""),
     )
     return [
         (
             name,
             _written(getattr(own, field) / scale, unit),
-            *(_written(getattr(row, low) / scale, unit) for row in lows),
+            *(_written(getattr(row, LOWS[field]) / scale, unit) for row in lows),
             _written(limit.good, unit),
             _written(limit.poor, unit),
         )
-        for name, field, low, limit, scale, unit in kinds
+        for name, field, limit, scale, unit in kinds
     ]
 
 

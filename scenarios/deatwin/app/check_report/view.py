@@ -40,10 +40,7 @@ class View:
     def looks(self) -> dict[str, Look]:
         """Colour and line style of each source of margins and runs; variants of a source share its colour."""
         styles = cycle(product(("-", "--", "-."), (Hue.MARK, Hue.MEASURED, Hue.INK)))
-        found = {
-            "model": Look(label="model", colour=Hue.AFTER),
-            "plant": Look(label="plant model", colour=Hue.BEFORE),
-        }
+        found = {"model": Look(label="model", colour=Hue.AFTER), "plant": Look(label="plant model", colour=Hue.BEFORE)}
         for name in self.plants:
             if name not in found:
                 line, colour = next(styles)

@@ -60,10 +60,7 @@ it."""
 
 Warm = Annotated[
     bool,
-    typer.Option(
-        "--warm",
-        help="Compile in advance what a diagnosis needs, so that your first diagnosis is faster.",
-    ),
+    typer.Option("--warm", help="Compile in advance what a diagnosis needs, so that your first diagnosis is faster."),
 ]
 WarmRig = Annotated[
     str | None,
@@ -120,9 +117,10 @@ def _cache() -> dict[str, Any]:
     except OSError as error:
         return {"cache": None, "cache_fault": f"{error.filename}: {error.strerror}"}
     sizes = []
-    for entry in folder.rglob("*"):
-        with suppress(FileNotFoundError):  # another process may be compiling and cleaning up
-            sizes.append(entry.stat().st_size)
+    for place, folders, files in os.walk(folder):  # passes over a folder that another process removes meanwhile
+        for name in (*folders, *files):
+            with suppress(FileNotFoundError):
+                sizes.append((Path(place) / name).stat().st_size)
     return {"cache": str(folder), "cache_files": len(sizes), "cache_bytes": sum(sizes)}
 
 
@@ -182,9 +180,7 @@ def _warm(voice: Voice, jobs: int, plants: Sequence[Plant]) -> int:
 
 
 def _needed(source: str | None) -> Iterator[Plant]:
-    """Yield the plants of a diagnosis with a rig file, or one of a diaphragm: in each variant of the rig the plant, a
-    finer one, and the plant with each effect.
-    """
+    """Yield the plants of a diagnosis: in each variant of the rig the plant, a finer one, and that with each effect."""
     from deatwin.ident.mismatch.prepare import elsewhere
     from deatwin.ident.mismatch.refit.base import FEWER
     from deatwin.plant.effects.base import Alone

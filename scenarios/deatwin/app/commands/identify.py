@@ -47,8 +47,7 @@ InputLag = Annotated[
 OutputLags = Annotated[
     int | None,
     typer.Option(
-        min=1,
-        help="Last lag of the output, in samples; by default 2, or 1 if 2 lags lead to a spurious unstable pole.",
+        min=1, help="Last lag of the output, in samples; by default 2, or 1 if 2 lags lead to a spurious unstable pole."
     ),
 ]
 FirstInputLag = Annotated[

@@ -12,8 +12,7 @@ from deatwin.app.working import results
 from deatwin.studies.voice import Voice
 
 InputFile = Annotated[
-    Path | None,
-    typer.Argument(metavar="INPUT.csv", help="Input to assess; without this file, plan suggests an input."),
+    Path | None, typer.Argument(metavar="INPUT.csv", help="Input to assess; without this file, plan suggests an input.")
 ]
 Seconds = Annotated[
     float | None,

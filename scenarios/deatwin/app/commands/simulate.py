@@ -110,9 +110,7 @@ def simulate(
 
 
 def _banded(headers: tuple[str, str, str], mean: np.ndarray, deviation: np.ndarray) -> dict[str, np.ndarray]:
-    """Return columns of a reading and of its band, `mean` and `deviation` (n,), rounded to the resolution of the
-    band.
-    """
+    """Return columns of a reading and its band, `mean` and `deviation` (n,), rounded to the band's resolution."""
     half = TWO_SIDED_95 * deviation
     columns = dict(zip(headers, (mean, mean - half, mean + half), strict=True))
     if not (narrowest := half.min()):  # neither noise nor model error

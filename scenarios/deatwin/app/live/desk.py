@@ -121,14 +121,7 @@ MEGABYTE = 1_000_000
 UPLOADS = (*ENDINGS, ".toml")
 
 
-def keep_upload(
-    root: Path,
-    name: str,
-    content: bytes,
-    *,
-    most_bytes: int,
-    asked: ReadOptions = NO_OPTIONS,
-) -> str:
+def keep_upload(root: Path, name: str, content: bytes, *, most_bytes: int, asked: ReadOptions = NO_OPTIONS) -> str:
     """Save a valid rig file, or a recording that can be read with the requested options or with others."""
     kept = safe_name(name)
     if len(content) > most_bytes:

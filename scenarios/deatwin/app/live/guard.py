@@ -1,8 +1,7 @@
-"""Who may ask the live view: a browser on this machine, at the page's own address, that was given the key.
+"""Who may ask the live view: a browser on this machine, at the page's own address, with the key of this run.
 
-The server listens on the loopback address, but pages of other sites in a browser here can reach it (DNS rebinding,
-requests across sites, a WebSocket, which no same-origin policy holds back), and so can other users of the machine.
-Hence each request must name the loopback address as its host, come from no other origin, and bring the key of this run.
+Pages of other sites in a browser here can reach the loopback address (DNS rebinding, requests across sites,
+WebSockets), and so can other users of the machine. Hence host, origin and key of each request are checked.
 """
 
 from __future__ import annotations

@@ -1,9 +1,6 @@
-"""The page of the live view, in NiceGUI: only what is seen; what it does is in the modules beside.
+"""The page of the live view, in NiceGUI; the modules beside do the work.
 
-NiceGUI, since a page is plain Python with handlers, without a front end of our own, and is not run anew at each click
-(Streamlit). All scripts, styles and fonts come from its wheel, and it has no telemetry. It is an ASGI application, so
-one small `guard` stands before pages, uploads, and the WebSocket, which NiceGUI opens to every origin. Panel was the
-next best; it brings Bokeh, pandas and a server of another kind.
+NiceGUI needs no front end of our own, has no telemetry, and brings all scripts and fonts in its wheel.
 """
 
 from __future__ import annotations

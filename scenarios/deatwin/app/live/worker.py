@@ -1,8 +1,6 @@
-"""``deatwin diagnose`` or ``deatwin plan`` in a process of its own, which says how far it is.
+"""``deatwin diagnose`` or ``deatwin plan`` in a process of its own, which prints its progress.
 
-``python -m deatwin.app.live.worker diagnose RIG REC.csv --out DIR`` has the arguments, files and error line of
-``deatwin diagnose``. It prints JSON lines on stdout: ``{"share": 0.3, "step": "verifying on held-out data"}`` while it works,
-``{"share": 1.0, "verdict": "named", "sentence": "..."}`` at the end.
+JSON lines on stdout: ``{"share": 0.3, "step": "..."}``; at the end ``{"share": 1.0, "verdict": ..., "sentence": ...}``.
 """
 
 from __future__ import annotations

@@ -21,13 +21,17 @@ def slycot():
     return pytest.importorskip("slycot")
 
 
+def weights(bounds, omega):
+    return [np.abs(system(1j * np.tan(0.5 * omega * H))) for system in bounds.weights()]
+
+
 def weighted(linear, law, bounds):
     """Values of the weighted S and C S over the grid."""
     top, bottom = law.feedback
     delay = np.exp(-1j * OMEGA * H)
     through = np.polyval(top[::-1], delay) / np.polyval(bottom[::-1], delay)
     sensitivity = 1.0 / (1.0 + linear.response(OMEGA) * through)
-    first, second = bounds.values(OMEGA)
+    first, second = weights(bounds, OMEGA)
     return first * np.abs(sensitivity), second * np.abs(through * sensitivity * linear.static_gain)
 
 
@@ -89,9 +93,11 @@ def test_senseless_bounds_are_refused(settings, message):
         MixedSensitivity(**(values | settings))
 
 
-def test_the_weights_of_python_control_have_the_same_values():
+def test_the_weights_are_the_inverse_bounds():
     bounds = MixedSensitivity(bandwidth_Hz=0.5, max_sensitivity=1.5, effort=2.0, sample_time=H)
     omega = np.linspace(0.1, 150.0, 20)
-    for system, values in zip(bounds.weights(), bounds.values(omega), strict=True):
-        found = np.abs(system(1j * np.tan(0.5 * omega * H)))
-        np.testing.assert_allclose(found, values, rtol=1e-12)
+    w, b = 1j * np.tan(0.5 * omega * H), np.tan(np.pi * 0.5 * H)
+    first = (w / 1.5 + b) / (w + 1e-4 * b)
+    second = (1 + w / (2 * b)) / (1 + w / (200 * b)) / 2.0
+    for found, expected in zip(weights(bounds, omega), (first, second), strict=True):
+        np.testing.assert_allclose(found, np.abs(expected), rtol=1e-12)
