@@ -73,8 +73,7 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
     phase.set_xscale(gain.get_xscale())
     if phase.get_xscale() == "log":
         plain_numbers(phase.xaxis)
-    phase.set_xlabel("frequency (Hz)")
-    phase.set_ylabel("phase (°)")
+    phase.set(xlabel="frequency (Hz)", ylabel="phase (°)")
     return gain, phase
 
 
@@ -94,16 +93,14 @@ def _plot_gain(response: FrequencyResponse, axes: Axes) -> Axes:
     frequencies, drawn = response.frequency_Hz, drawn_points(response)
     name = response.label.strip("$")
     (line,) = axes.plot(frequencies, np.where(drawn, response.gain, np.nan), label=f"$|{name}|$", **_style(response))
-    axes.set_xscale("log" if np.all(frequencies > 0) else "linear")
-    axes.set_yscale("log")
+    axes.set(xscale="log" if np.all(frequencies > 0) else "linear", yscale="log")
     say_zero(drawn, axes)
     if response.theta_cov.any():
         _shade(response, drawn, axes, line.get_color())
     numbers_of_decades(axes.yaxis)
     if axes.get_xscale() == "log":
         plain_numbers(axes.xaxis)
-    axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel(f"gain ({written_unit(response.unit)})" if response.unit else "gain")
+    axes.set(xlabel="frequency (Hz)", ylabel=f"gain ({written_unit(response.unit)})" if response.unit else "gain")
     axes.legend()
     return axes
 
@@ -236,8 +233,7 @@ def _label_map(bar: Any, response: FrequencyResponse, axes: Axes) -> None:
 
 
 def _label_frequencies(response: FrequencyResponse, axes: Any) -> None:
-    axes.set_xlabel("$f_1$ (Hz)")
-    axes.set_ylabel("$f_2$ (Hz)")
+    axes.set(xlabel="$f_1$ (Hz)", ylabel="$f_2$ (Hz)")
     others = response.frequency_Hz[:, 2:]
     if _is_slice(response) and others.size:
         axes.set_title(", ".join(f"$f_{i}$ = {held:.3g} Hz" for i, held in enumerate(others[0], start=3)))

@@ -24,8 +24,7 @@ STRETCHES: Mapping[str, Callable[[Array], Array]] = MappingProxyType(
 _GAMMA = 0.4358665215084590  # root of x^3/6 - 3 x^2/2 + 3 x - 1, which makes Alexander's three stages stiffly accurate
 _FIRST, _SECOND = -(6 * _GAMMA**2 - 16 * _GAMMA + 1) / 4, (6 * _GAMMA**2 - 20 * _GAMMA + 5) / 4
 _STAGES = ((), ((1 - _GAMMA) / 2,), (_FIRST, _SECOND))
-_PARTS = 4
-"""Parts of a step: a jump to a stretch of 4 is then followed to 2e-4 if a sample lasts 0.4 relaxation times."""
+_PARTS = 4  # Parts of a step: a jump to a stretch of 4 is then followed to 2e-4 if a sample lasts 0.4 relaxation times
 _NEWTON = 6  # Iterations of each stage: the flow is convex, so they converge from one side, to below 1e-9 after six
 
 

@@ -1,6 +1,4 @@
-"""Variational Bayesian linear regression with automatic relevance determination (Drugowitsch, arXiv:1310.5438, section
-2).
-"""
+"""Variational Bayesian linear regression with automatic relevance determination (Drugowitsch, arXiv:1310.5438)."""
 
 from __future__ import annotations
 
@@ -15,11 +13,9 @@ from scipy.special import gammaln
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
+# E[alpha] from which the first update is least squares, for regressors of root mean square 1: a large value would first
+# have to leave the state without any term. It is also the rounding error of the Cholesky factor of singular statistics.
 FLAT = 1e-6
-"""E[alpha] so small that the first update is least squares, for regressors of root mean square 1. (From a large value
-the updates would have to leave the state without any term, where combinations of nearly collinear terms are suppressed
-while the parameters hardly move.) The Cholesky factor of singular statistics needs this much: their largest eigenvalue,
-at most samples times terms, is below 1e8, and its rounding error then below this value."""
 _LEAF = 64  # most rows of a triangle that LAPACK inverts as fast as products of blocks do
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -81,6 +81,12 @@ class Signals(Protocol):
     def input_units(self) -> Sequence[str]: ...
     @property
     def output_units(self) -> Sequence[str]: ...
+
+
+def signals_like(owner: Signals) -> dict[str, Any]:
+    """Return sample time, names and units of the signals of a recording or a model, as fields of a model."""
+    names = [f"{side}_{what}" for what in ("names", "units") for side in ("input", "output")]
+    return {name: getattr(owner, name) for name in ("sample_time", *names)}
 
 
 def require_suits(recording: Recording, model: Signals, *, with_outputs: bool, fewest: int) -> None:

@@ -23,13 +23,9 @@ if TYPE_CHECKING:
 
 LAST_INPUT_LAGS = "last input lags"
 """Key of a model's provenance: the last lag of each input among the candidates, -1 for none."""
-_SEEN = 3.9
-"""Standard deviations from which a correlation counts: by chance, 1 in 10,000 does, and 1 in 100 for any of a hundred
-lags."""
+_SEEN = 3.9  # Standard deviations from which a correlation counts: by chance, that of 1 in 10,000 lags does
 _BEYOND = 100  # Lags beyond the model's last that are examined, up to a quarter of a recording
-_FEW = 3000
-"""Most samples for the estimate of a dead time, which then takes less than a second; far fewer determine it to one
-sample."""
+_FEW = 3000  # Most samples for the estimate of a dead time, which takes less than a second; far fewer determine it
 _WHITENING = 10  # Lags of the autoregression that whitens a signal
 
 

@@ -109,8 +109,7 @@ class PredictiveBand(Described):
         axes.plot(self.timepts, self.outputs[output], color="C1", label="model")
         axes.plot(self.timepts, self.measured[output], color="C0", linewidth=0.8, label="measured")
         unit = self.units[output]
-        axes.set_xlabel("time (s)")
-        axes.set_ylabel(axis_label("output", unit))
+        axes.set(xlabel="time (s)", ylabel=axis_label("output", unit))
         axes.legend()
         return axes
 

@@ -15,8 +15,7 @@ _LAGS = 50
 """Most lags; Akaike's criterion chooses how many are needed. Sensor noise on a fast-sampled plant needs forty."""
 _FOR_EACH = 5  # Least samples per unknown: with fewer, the unknowns take up the residual's variance
 _MOST_SAMPLES = 20_000  # Most samples that are used: more add no certainty, and the regression takes a second
-_RESOLVED = 1e-9
-"""Share of an output below which a residual is rounding: readings have at most nine significant digits."""
+_RESOLVED = 1e-9  # Share of an output below which a residual is rounding: readings have at most nine significant digits
 _WIDE = 1.96  # Standard deviations on either side within which 95 % of a normal law lie
 _FASTEST = 2.0
 """Growth per sample that no sensible loop holds. A loop responds one sample late at best, and the largest magnitude of

@@ -110,8 +110,7 @@ class CorrelationTest:
             axes.plot(self.lags[chosen], self.values[chosen], "o", color=colour, markersize=3)
         reach = 1.15 * max(1.5 * self.band, float(np.abs(self.values).max()))
         axes.set_ylim(-reach, reach)
-        axes.set_xlabel(r"lag $\tau$ (samples)")
-        axes.set_ylabel(f"${TESTS[self.name]}$")
+        axes.set(xlabel=r"lag $\tau$ (samples)", ylabel=f"${TESTS[self.name]}$")
         chance = f"p = {self.p_value:.2g}" if self.p_value >= _LEAST_SHOWN else f"p < {_LEAST_SHOWN:g}"
         axes.set_title(f"{'passes' if self.passed else 'fails'}, {chance}", loc="right", fontsize="small")
         return axes

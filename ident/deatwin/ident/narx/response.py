@@ -97,8 +97,7 @@ class NarxResponse(Described):
             axes.plot(self.timepts, measured, label=f"measured{number}")
             axes.plot(self.timepts, computed, label=f"model{number}")
         units = sorted({unit for unit in self.units if unit})
-        axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"output ({', '.join(units)})" if units else "output")
+        axes.set(xlabel="time (s)", ylabel=f"output ({', '.join(units)})" if units else "output")
         axes.legend()
         return axes
 

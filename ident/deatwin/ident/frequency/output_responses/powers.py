@@ -104,8 +104,7 @@ class InputSpectrum(Described, Frozen):
         frequencies = self.frequency_Hz[inside]
         axes.plot(frequencies, self.in_phase[inside], color="0.6", label="all contributions in phase")
         axes.plot(frequencies, np.abs(self.values[inside]), ".", label=f"$|U_{self.order}|$")
-        axes.set_yscale("log")
-        axes.set_xlabel("frequency (Hz)")
+        axes.set(yscale="log", xlabel="frequency (Hz)")
         axes.set_ylabel(f"input spectrum ({written_unit(self.unit)})" if self.unit else "input spectrum")
         axes.legend()
         return axes

@@ -179,8 +179,7 @@ class Uncertain(Described, Frozen, ABC):
                 axes.add_collection(lines)
         axes.autoscale_view()
         unit = f" ({written_unit(self.unit)})" if self.unit else ""
-        axes.set_xlabel(f"real part{unit}")
-        axes.set_ylabel(f"imaginary part{unit}")
+        axes.set(xlabel=f"real part{unit}", ylabel=f"imaginary part{unit}")
         axes.set_aspect("equal", adjustable="datalim")
         axes.legend(fontsize="small")
         return axes

@@ -27,8 +27,7 @@ from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.arrays import Complex
 
 Array = NDArray[Any]
-Models = Sequence[NarxModel | None]
-"""Models of successive times; None where there is none."""
+Models = Sequence[NarxModel | None]  # Models of successive times; None where there is none
 
 Reading = Callable[[Mapping[int, Jet]], Array | None]
 """Function that takes the result from the parts, shape (n_times, n); None if it is zero."""

@@ -259,8 +259,7 @@ def _plot_map(response: VaryingResponse, ax: Axes | None) -> Axes:
     name = response.label.strip("$")
     bar = axes.figure.colorbar(mesh, ax=axes, extend="min" if np.nanmin(gain) < low else "neither")
     bar.set_label(f"$|{name}|$ ({written_unit(response.unit)})" if response.unit else f"$|{name}|$")
-    axes.set_xlabel("time (s)")
-    axes.set_ylabel(label)
+    axes.set(xlabel="time (s)", ylabel=label)
     return axes
 
 

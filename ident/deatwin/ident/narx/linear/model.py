@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import keep_read_only, read_only
-from deatwin.ident.narx.drive import require_suits
+from deatwin.ident.narx.drive import require_suits, signals_like
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
 from deatwin.ident.narx.linear.prediction import lagged, prediction_errors, recursed
 from deatwin.ident.narx.model import NarxModel
@@ -306,11 +306,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
             theta=(sign * self.theta)[keep],
             theta_cov=(np.outer(sign, sign) * self.theta_cov)[np.ix_(keep, keep)],
             noise_variance=self.noise_variance,
-            sample_time=self.sample_time,
-            input_names=self.input_names,
-            output_names=self.output_names,
-            input_units=self.input_units,
-            output_units=self.output_units,
+            **signals_like(self),
             provenance=self.provenance,
         )
 

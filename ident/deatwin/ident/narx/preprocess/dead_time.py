@@ -20,8 +20,7 @@ from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording, label
 
-_SEEN = 1e-4
-"""p-value below which a coefficient is significant: over the 100 lags that are tried, 1 % for a false one."""
+_SEEN = 1e-4  # p-value below which a coefficient is significant: over the 100 lags that are tried, 1 % for a false one
 _LOOP = 1e-3  # The same for an input that responds to the output, with one test for each input
 _AFTER = 20
 """Lags beyond the longest dead time in which the response to the input is sought; half of all lags if there are fewer

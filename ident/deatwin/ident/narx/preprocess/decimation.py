@@ -109,8 +109,7 @@ class SamplingChoice(Described):
             axes.axhspan(-band, band, color=line.get_color(), alpha=0.12, linewidth=0)
             if minimum is not None:
                 axes.plot(lags[minimum], values[minimum], "o", color=line.get_color())
-        axes.set_xlabel("lag (s)")
-        axes.set_ylabel("correlation")
+        axes.set(xlabel="lag (s)", ylabel="correlation")
         axes.set_title(f"decimate by {self.factor}" if self.factor > 1 else "keep all samples", fontsize="medium")
         axes.legend()
         return axes

@@ -16,8 +16,7 @@ import numpy as np
 from deatwin.plant.arrays import Array
 
 STATISTICS = ("mean", "variance", "fast variance")
-ENOUGH_CORRELATION_TIMES = 15.0
-"""Length of a segment, in correlation times, from which on the tests keep their level."""
+ENOUGH_CORRELATION_TIMES = 15.0  # Length of a segment, in correlation times, from which on the tests keep their level
 _SMALLEST_GROUP = 3  # least segments before or after a change
 
 
