@@ -23,10 +23,8 @@ _FEWEST_ON_A_LINE = 3  # least number of frequencies on each axis of a grid
 
 def plot_response(response: FrequencyResponse, ax: Axes | None = None) -> Axes:
     """Draw the gain of a response over one frequency or two."""
-    axes = axes_or_new(ax)
-    if response.omega.ndim == 1:
-        return _plot_gain(response, axes)
-    return plot_map(response, axes)
+    draw = _plot_gain if response.omega.ndim == 1 else plot_map
+    return draw(response, axes_or_new(ax))
 
 
 def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tuple[Axes, Axes]:

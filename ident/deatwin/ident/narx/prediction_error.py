@@ -10,7 +10,7 @@ from scipy.linalg.lapack import dtbtrs
 
 from deatwin.ident.narx.estimate import Estimate, least_squares
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.ident.narx.terms import Term, TermTable, derivative
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
@@ -212,7 +212,7 @@ def _bands(data: Regression, table: TermTable, theta: Array, noise: Sequence[Arr
         band = np.zeros((lead + 1, record.n_samples - data.first + lead))
         band[0] = 1.0
         for variable in lags:
-            weights, parts = _derivative(table, theta, variable)
+            parts, weights = derivative(table.terms, theta, variable)
             along = weights @ data.for_scaled(parts).rows(*data.scaled(record), data.first, record.n_samples, e)
             band[variable.lag, lead - variable.lag : band.shape[1] - variable.lag] = along
         bands.append(band)
@@ -242,16 +242,3 @@ def _forgets(band: Array) -> bool:
     with np.errstate(over="ignore", invalid="ignore"):
         end = _filtered([np.ascontiguousarray(band[:, lag:])], passed_on)[:, -lag:]
     return bool(np.all(np.isfinite(end)) and np.abs(np.linalg.eigvals(end)).max() < 1.0)
-
-
-def _derivative(table: TermTable, theta: Array, variable: Variable) -> tuple[Array, TermTable]:
-    """Return coefficients and terms of the derivative of a sum of terms by one lagged signal."""
-    weights, terms = [], []
-    for term, value in zip(table.terms, theta, strict=True):
-        power = dict(term.factors).get(variable, 0)
-        if power:
-            factors = list(term.expanded)
-            factors.remove(variable)
-            weights.append(value * power)
-            terms.append(Term.product(factors))
-    return np.array(weights), TermTable(tuple(terms))

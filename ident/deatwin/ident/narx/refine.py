@@ -13,7 +13,7 @@ from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.covariance import gram_inverse_root
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import Recordings, flatten
-from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.ident.narx.terms import Term, TermTable, derivative
 from deatwin.ident.narx.variables import argument_of
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
@@ -179,8 +179,8 @@ def _responses(model: NarxModel, recording: Recording, run: Array, table: TermTa
     band = np.zeros((max((v.reach for v in lagged), default=0) + 1, n - first))
     band[0] = 1.0
     for variable in lagged:
-        terms, weights = _derivative(model, variable)
-        slope = weights @ TermTable(terms).rows(*signals, first, n)
+        slopes, weights = derivative(model.terms, model.theta, variable)
+        slope = weights @ slopes.rows(*signals, first, n)
         if variable.shape is not None:
             slope *= variable.shape.slope(
                 argument_of(variable, lambda v, lag: signals[1][v.index, first - lag : n - lag])
@@ -190,18 +190,6 @@ def _responses(model: NarxModel, recording: Recording, run: Array, table: TermTa
             band[variable.reach, : n - first - variable.reach] += slope[variable.reach :]
     solved, _ = dtbtrs(band, table.rows(*signals, first, n).T, uplo="L", diag="U")
     return np.asarray(solved, dtype=np.float64)
-
-
-def _derivative(model: NarxModel, variable: Variable) -> tuple[tuple[Term, ...], Array]:
-    """Return terms and coefficients of the derivative of the model's right side by a variable."""
-    terms, weights = [], []
-    for term, value in zip(model.terms, model.theta, strict=True):
-        factors = list(term.expanded)
-        if variable in factors:
-            weights.append(value * factors.count(variable))
-            factors.remove(variable)
-            terms.append(Term.product(factors))
-    return tuple(terms), np.array(weights)
 
 
 def _run(model: NarxModel, recording: Recording) -> Array:

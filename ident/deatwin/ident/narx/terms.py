@@ -104,6 +104,13 @@ class Term:
         return self.written({})
 
 
+def without(term: Term, variable: Variable) -> Term:
+    """Return a term without one factor."""
+    factors = list(term.expanded)
+    factors.remove(variable)
+    return Term.product(factors)
+
+
 def require_terms(given: object, name: str, example: str, least: int = 0) -> None:
     """Raise ModelError for anything but terms that can be read twice: a collection, or one for each output."""
     equations = given.values() if isinstance(given, Mapping) else (given,)
@@ -312,3 +319,10 @@ class TermTable:
     def at(self, values: Array) -> Array:
         """Evaluate all terms for one value of each variable. Shapes: `values` (n_variables,), returns (n_terms,)."""
         return np.asarray(np.prod(values**self.exponents, axis=1), dtype=np.float64)
+
+
+def derivative(terms: Sequence[Term], theta: Array, variable: Variable) -> tuple[TermTable, Array]:
+    """Return terms and coefficients of the derivative of a sum of terms by a variable. Shapes: `theta` (n_terms,)."""
+    powers = [dict(term.factors).get(variable, 0) for term in terms]
+    held = [m for m, power in enumerate(powers) if power]
+    return TermTable(tuple(without(terms[m], variable) for m in held)), np.array([theta[m] * powers[m] for m in held])

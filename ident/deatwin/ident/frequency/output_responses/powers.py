@@ -20,8 +20,7 @@ from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, v
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
-AMPLIFICATION = 5.0
-"""Largest acceptable sum of the magnitudes of the weights, which sum to one: beyond it G_n is erratic."""
+AMPLIFICATION = 5.0  # Largest sum of the weights' magnitudes, which sum to one: beyond it, G_n is erratic
 
 _CANCELLED = 1e-12  # powers below this share of the largest are rounding
 _SMALLEST = float(np.finfo(np.float64).tiny) / _CANCELLED

@@ -1,8 +1,7 @@
 """Gain and phase of an uncertain complex number: the law of propagation, how far it holds, and regions.
 
-The number is normal in the plane (or bivariate Student-t), with any covariance of its parts. Sources: Ridler, Salter,
-Metrologia 39 (2002) 295-302, doi:10.1088/0026-1394/39/3/6; Hall, Metrologia 41 (2004) 173-177,
-doi:10.1088/0026-1394/41/3/010.
+The number is normal in the plane, or bivariate Student-t. Sources: Ridler, Salter, Metrologia 39 (2002) 295-302,
+doi:10.1088/0026-1394/39/3/6; Hall, Metrologia 41 (2004) 173-177, doi:10.1088/0026-1394/41/3/010.
 """
 
 from __future__ import annotations

@@ -16,21 +16,15 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, Polar, interval_radius, polar
-from deatwin.ident.frequency.uncertainty.parameters import (
-    Quantity,
-    draw_theta,
-    evaluate,
-    response_of,
-)
+from deatwin.ident.frequency.uncertainty.parameters import Quantity, draw_theta, evaluate, response_of
 from deatwin.ident.frequency.uncertainty.regions import Uncertain
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Metadata, attribute, variable
 
+# Nonlinearity up to which the linear law is accepted: the covariance is then wrong by 6 %, 0.25², and a standard
+# deviation by 3 %; at worst, for a departure along the tangent, by 56 % and 25 %.
 LIMIT = 0.25
-"""Nonlinearity up to which the linear law is accepted. If the departure is of second order, the covariance is then
-wrong by 0.25², or 6 %, and a standard deviation by 3 %; at worst, for a departure along the tangent, by 56 % and
-25 %."""
 
 _PAIRS = 32  # pairs of probes: their root mean square is known to about 1/sqrt(2 * 32), an eighth; less with long tails
 _ROUNDING = 64 * np.finfo(float).eps  # share of value and parameters below which a departure is rounding

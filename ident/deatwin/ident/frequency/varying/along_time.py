@@ -109,13 +109,8 @@ def tv_nofrf(
         One period of the input minus `operating_input`, at the model's sample time, in the input's unit.
     order : int
         Order n, at least 1.
-    timepts : array_like, shape (n_times,), optional
-        Increasing times, s; see `tv_gfrf`.
-    operating_input : array_like, shape () or (n_times,), optional
-        Input at the operating point, in its unit: one value, or one for each time. By default the mean of the training
-        inputs.
-    progress : callable, optional
-        Callback that receives the completed share, from 0 to 1, and the name of the current step.
+    timepts, operating_input, progress
+        As in `tv_gfrf`.
 
     Returns
     -------
