@@ -18,7 +18,7 @@ from deatwin.ident.narx.predictive import PredictiveBand
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
 from deatwin.ident.narx.shapes import own_functions, rebuilt
 from deatwin.ident.narx.values import set_covariance, set_signals
-from deatwin.ident.nss.basis import Basis
+from deatwin.ident.nss.basis import Basis, numbered
 from deatwin.ident.nss.document import SCHEMA, WEIGHTS, fields_of, to_document, weights_of
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.opening import Opening, opened
@@ -27,9 +27,7 @@ from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-_WARMUP_PER_STATE = 10
-"""Samples per state from which the first state is estimated, as for a linear model: its noise falls with the square
-root of their number."""
+_WARMUP_PER_STATE = 10  # Samples from which the first state is estimated: its noise falls with their square root
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,7 +143,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     def _take_signals(self, counts: Mapping[str, int]) -> None:
         """Complete and check the descriptions of inputs and outputs."""
         for side, count in counts.items():
-            names = (side,) if count == 1 else tuple(f"{side}{i}" for i in range(1, count + 1))
+            names = (side,) if count == 1 else tuple(numbered(side, count))
             filled = {"names": names, "units": ("",) * count}
             for key, default in filled.items():
                 object.__setattr__(self, f"{side}_{key}", texts(getattr(self, f"{side}_{key}")) or default)
@@ -193,9 +191,9 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     def __str__(self) -> str:
         labels = self.system.basis.labels
         names = (
-            [f"s{i}(k)" for i in range(1, 1 + len(self.directions))],
-            [f"x{i}(k+1)" for i in range(1, 1 + self.n_states)],
-            ["y(k)"] if len(self.output) == 1 else [f"y{i}(k)" for i in range(1, 1 + len(self.output))],
+            [f"{name}(k)" for name in numbered("s", len(self.directions))],
+            [f"{name}(k+1)" for name in numbered("x", self.n_states)],
+            ["y(k)"] if len(self.output) == 1 else [f"{name}(k)" for name in numbered("y", len(self.output))],
         )
         lines = []
         for rows, weights in zip(names, (getattr(self, name) for name in WEIGHTS), strict=True):
