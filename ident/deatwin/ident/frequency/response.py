@@ -228,23 +228,12 @@ class FrequencyResponse(Described, Frozen):
         return np.sqrt((real + imag) / 2 + np.hypot((real - imag) / 2, cross))
 
     def band(self, level: float = 0.95) -> Band:
-        """Return a pointwise confidence band of the gain.
+        """Return a pointwise confidence band of the gain, of coverage probability `level`, between 0 and 1.
 
-        The parameters are assumed to be normal, or Student-t if ``theta_dof`` is finite. The gain is assumed to be
-        linear in the parameters, which fails if the gain is not large compared with its uncertainty. ``linear_law`` is
-        therefore False where the gain is below four standard deviations along the longer axis of the covariance
-        ellipse. To test whether the complex response is linear in the parameters, use `propagate`. The lower limit is
-        never below zero.
-
-        Parameters
-        ----------
-        level : float
-            Coverage probability at each frequency, between 0 and 1.
-
-        Raises
-        ------
-        ModelError
-            If the level is not between 0 and 1.
+        The parameters are assumed to be normal, or Student-t if ``theta_dof`` is finite, and the gain to be linear in
+        them, which fails if the gain is not large compared with its uncertainty. ``linear_law`` is therefore False where
+        the gain is below four standard deviations along the longer axis of the covariance ellipse. To test whether the
+        complex response is linear in the parameters, use `propagate`. The lower limit is never below zero.
         """
         half = interval_radius(level, self.theta_dof) * self.gain_deviation
         return Band(

@@ -1,8 +1,7 @@
 """A long ARX regression of an output on lagged inputs, and what its coefficients tell from chance.
 
-The regression A y(k) = sum_i B_i u_i(k) + e(k) with many lags whitens the noise, whatever its colour and whether or
-not the input answers to the output, and B_i begins where the plant from u_i does: 1/H, with H the model of the noise,
-begins with 1.
+A regression A y(k) = sum_i B_i u_i(k) + e(k) with many lags whitens noise of any colour, also in a loop, and B_i begins
+where the plant from u_i does, because the inverse of the noise model begins with 1.
 """
 
 from __future__ import annotations
@@ -19,19 +18,16 @@ from deatwin.plant.arrays import Array
 Signals = Sequence[tuple[Array, Array]]
 """Inputs, (n_inputs, n), and output, (n,), of each recording, scaled to a variance of 1."""
 
-_OUTPUT_LAGS = 30
-"""Most lags of the output; never more than of the inputs, so that short recordings keep samples for both. Akaike's
-criterion chooses how many are needed."""
+_OUTPUT_LAGS = 30  # Most lags of the output, of which Akaike's criterion chooses some; never more than of the inputs
 _ANSWERS = 10  # Lags of the output from which an input that responds to it is predicted: more make the test weaker
 _FOR_EACH = 5  # Least samples per unknown: with fewer, unknowns take up the residual's variance and spoil all tests
 _RESOLVED = 1e-9
 """Share of the output below which a residual is rounding: readings have at most nine significant digits."""
 
 _ALL_LAGS = 1e-4  # p-value below which all lags of an input together act
+# Variance of a coefficient, relative to that under a white input, from which lags are too similar. Held, slow and binary
+# inputs have twenty to eighty, band-limited ones and a few sines a million and more.
 _ALIKE = 1e4
-"""Variance of a coefficient, relative to that under a white input, from which lags are too similar: a hundred times its
-standard error. Held, slow and binary inputs have twenty to eighty, band-limited ones and a few sines a million and
-more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,17 +103,12 @@ class LongArx:
 
 
 def answer_chance(signals: Signals, which: int, longest: int) -> float:
-    """Return the p-value of the hypothesis that an input does not respond to the output.
-
-    Given the past of all inputs, the output's past must not predict an input that is independent of it (Granger,
-    Econometrica 37 (1969) 424-438, doi:10.2307/1912791). The converse does not hold: an input that is measured with
-    noise, or follows a cause that is not recorded, is predicted by an output that shows more of it. A held input is
-    tested only where it may change, because a ringing output reveals how long it has been held. Of an input that
-    repeats itself, only the differences between periods are tested, because a few lags of the output predict what
-    repeats. These differences may be noise alone, and a response within the sample then shows in the present output
-    only. It must be compatible neither with an input that acts within the sample, as estimated from what repeats, nor
-    with one that does not, as if the differences were noise of its reading.
-    """
+    """Return the p-value of "the input does not respond to the output": given the past of all inputs, the output's past
+    must not predict an input that is independent of it (Granger, Econometrica 37 (1969) 424-438). An input with noise, or
+    with a cause that is not recorded, is predicted, too. A held input is tested only where it may change, because a
+    ringing output reveals how long it has been held, and a repeating one by the differences between its periods. These
+    may be noise alone, so a response within the sample must be compatible neither with an input that acts within the
+    sample, as estimated from what repeats, nor with one that does not."""
     n_inputs = signals[0][0].shape[0]
     apart = [periods_apart(inputs[which], inputs, output, longest) for inputs, output in signals]
     signals = [one for series in apart for one in series[1:] or series]
@@ -182,11 +173,8 @@ class _Scores:
         return cls(last.T @ target, last * error[:, None] * np.sqrt(target.size / freedom), variance, freedom)
 
     def p_value(self, part: slice = slice(None)) -> float:
-        """Return the larger p-value of two tests of the hypothesis that these columns explain nothing.
-
-        The test by least squares holds if one sample decides, as in a single step; Newey and West's (Econometrica 55
-        (1987) 703-708, doi:10.2307/1913610) holds if the residual changes with the input.
-        """
+        """Return the larger p-value of two tests of "these columns explain nothing": least squares, if one sample
+        decides, and Newey and West's (Econometrica 55 (1987) 703-708), if the residual changes with the input."""
         from scipy.special import fdtrc
 
         total, products = self.total[part], self.products[:, part]

@@ -186,23 +186,10 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
 
     @classmethod
     def joined(cls, models: Sequence[NarxModel]) -> NarxModel:
-        """Combine single-output models into one model with an equation for each output.
+        """Combine single-output `models`, one for each output in the order of the outputs, into one model.
 
-        Parameters
-        ----------
-        models : sequence of NarxModel
-            One model for each output, in the order of the outputs. All models have the same names of inputs and
-            outputs. Each model has terms only in the equation of its own output.
-
-        Returns
-        -------
-        NarxModel
-            Joint model, in which parameters of different equations are uncorrelated.
-
-        Raises
-        ------
-        ModelError
-            If there is not one model for each output, in the order of the outputs.
+        All have the same names of inputs and outputs, and terms only in their own equation; ModelError otherwise.
+        Parameters of different equations are uncorrelated.
         """
         first = models[0]
         if any(set(model.equations) != {row} for row, model in enumerate(models)) or (len(models) != first.n_outputs):

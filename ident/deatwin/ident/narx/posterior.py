@@ -55,22 +55,9 @@ class ThetaPosterior:
         return np.asarray(np.sqrt(shrink * np.diag(self.model.theta_cov)))
 
     def interval(self, level: float = 0.95) -> Array:
-        """Return a central credible interval for each parameter.
+        """Return lower and upper ends of each parameter's central interval, shape (n_terms, 2), in the parameters' units.
 
-        Parameters
-        ----------
-        level : float
-            Probability that the interval contains the parameter, between 0 and 1.
-
-        Returns
-        -------
-        ndarray, shape (n_terms, 2)
-            Lower and upper ends, in the parameters' units.
-
-        Raises
-        ------
-        ModelError
-            If `level` does not lie between 0 and 1.
+        `level` is the probability that the interval contains the parameter; ModelError unless it is between 0 and 1.
         """
         half = quantile(level, self.model.theta_dof) * self.scale
         return np.column_stack([self.model.theta - half, self.model.theta + half])

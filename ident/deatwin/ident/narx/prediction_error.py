@@ -14,12 +14,11 @@ from deatwin.ident.narx.terms import Term, TermTable, derivative
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
-# Newton's method, for errors that enter their own recursion nonlinearly, doubles the correct digits in each round; if a
-# dozen rounds do not suffice, the recursion is about to diverge.
-_ROUNDS = 12
+_ROUNDS = (
+    12  # Newton's steps for nonlinear recursions of the errors; if more are needed, a recursion is about to diverge
+)
 _ROUNDING = 1e-13  # accuracy of the errors, as a share of the output: a few hundred units in the last place
-# Relative accuracy of a sum of squares: a step that changes it by less is neither better nor worse.
-_SQUARE_ROUNDING = 1e-14
+_SQUARE_ROUNDING = 1e-14  # relative accuracy of a sum of squares: a smaller change is neither better nor worse
 _MOST_DAMPED = 1e10  # damping beyond which a step is shorter than rounding
 _HALVINGS = 30
 

@@ -17,10 +17,9 @@ _FOR_EACH = 5  # Least samples per unknown: with fewer, the unknowns take up the
 _MOST_SAMPLES = 20_000  # Most samples that are used: more add no certainty, and the regression takes a second
 _RESOLVED = 1e-9  # Share of an output below which a residual is rounding: readings have at most nine significant digits
 _WIDE = 1.96  # Standard deviations on either side within which 95 % of a normal law lie
+# Growth per sample that no sensible loop holds: the sensitivity of a loop one sample late is at least as large (Seron,
+# Braslavsky & Goodwin, "Fundamental Limitations in Filtering and Control", Springer 1997, section 3.3).
 _FASTEST = 2.0
-"""Growth per sample that no sensible loop holds. A loop responds one sample late at best, and the largest magnitude of
-its sensitivity is at least that growth (Seron, Braslavsky & Goodwin, "Fundamental Limitations in Filtering and
-Control", Springer 1997, section 3.3); above 2 it has hardly any margin."""
 _RARELY_LESS = 0.063  # Standard deviations on either side within which 5 % of a normal law lie
 
 

@@ -59,23 +59,9 @@ class Residual:
             )
 
     def draw(self, count: int, draws: int, sample_time: float, rng: np.random.Generator) -> Array:
-        """Draw realisations of the process.
+        """Draw stationary realisations of the process, one per column, shape (count, draws), in the output's unit.
 
-        Parameters
-        ----------
-        count : int
-            Number of samples of each realisation.
-        draws : int
-            Number of realisations.
-        sample_time : float
-            Time between two samples in s.
-        rng : numpy.random.Generator
-            Random generator for the draws.
-
-        Returns
-        -------
-        ndarray, shape (count, draws)
-            Stationary realisations, one per column, in the output's unit.
+        `count` is the number of samples, `draws` that of realisations, `sample_time` is in s, `rng` draws.
         """
         from scipy.signal import lfilter
 

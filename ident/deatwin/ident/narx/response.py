@@ -18,10 +18,7 @@ from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.recording import Recording
 
 DIVERGED = 1e3  # Multiple of the outputs of the training data beyond which a free run has diverged
-# A model without training data has no scale of its own, so that only outputs that cannot be intended count as diverged.
-_DIVERGED_UNTRAINED = 1e9
-
-
+_DIVERGED_UNTRAINED = 1e9  # The same for a model without training data, which has no scale of its own
 _WRITTEN = ("mean_square", "nrmse")
 _TWO_SIDED = 1.96  # 97.5 % quantile of the normal law, for two-sided intervals of 95 %
 

@@ -18,8 +18,8 @@ from deatwin.ident.narx.semp_search import SempSearch, SempStep
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-# A free run that fails in a single section passes every test over the sections. Whatever they say, the final model's
-# mean squared error is therefore at most this multiple of the smallest of the path: a choice, far beyond chance.
+# Largest mean squared error of the final model, as a multiple of the smallest of the path: a free run that fails in a
+# single section passes every test over the sections.
 _CLEARLY_WORSE = 2.0
 
 

@@ -248,24 +248,11 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         return self.simulate(recording)
 
     def free_run_band(self, recording: Recording, *, warmup: int | None = None, level: float = 0.95) -> PredictiveBand:
-        """Return the predictive band of new readings in free run.
+        """Return the predictive band of new readings in free run over a `recording`, with the probability `level`.
 
         The band includes the noise of the readings and, to first order, the uncertainty of the weights and of the
-        initial state. It is valid if the free-run errors of the fit are white.
-
-        Parameters
-        ----------
-        recording : Recording
-            Inputs and outputs in the model's units.
-        warmup : int, optional
-            Number of samples that determine the initial state, as in `simulate`.
-        level : float
-            Probability that the band at any one time contains a new reading, between 0 and 1.
-
-        Raises
-        ------
-        ModelError
-            If the recording does not suit the model, `level` does not lie between 0 and 1, or the run diverges.
+        initial state, which the first `warmup` samples determine as in `simulate`. It is valid if the free-run errors of
+        the fit are white. ModelError if the recording does not suit the model, or the run diverges.
         """
         require_suits(recording, self, with_outputs=True, fewest=2)
         half = quantile(level, math.inf)

@@ -198,26 +198,14 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         return "\n".join([*lines, f"offset = {self.offset:.6g}"])
 
     def predict(self, recording: Recording) -> NarxResponse:
-        """Predict each output sample from the measurements before it.
+        """Predict each output sample of a `recording` from the measurements before it.
 
-        The initial states of the 1/F_i are estimated from the first samples: ten samples for each state, or a third of
-        the recording if this is less. These samples do not count as predicted.
-
-        Parameters
-        ----------
-        recording : Recording
-            Measured inputs and output, in the model's units.
-
-        Returns
-        -------
-        NarxResponse
-            Response with ``.outputs`` of shape (1, n); the samples before ``.first`` are the measured ones.
-
-        Raises
-        ------
-        ModelError
-            If the recording does not suit the model, or a root of C or of an F_i is not inside the unit circle.
+        The initial states of the 1/F_i are estimated from the first samples, which do not count as predicted: ten
+        samples for each state, or a third of the recording if this is less. ``.outputs`` has the shape (1, n), and holds
+        the measured values before ``.first``. ModelError if the recording does not suit the model, or a root of C or of
+        an F_i is not inside the unit circle.
         """
+
         self._require(recording)
         if not all(is_stable(p) for p in (self.c, *self.f)):
             raise ModelError("a root of C or F lies on or outside of the unit circle: the predictor is unstable")

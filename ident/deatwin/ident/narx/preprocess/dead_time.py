@@ -22,12 +22,8 @@ from deatwin.plant.recording import Recording, label
 
 _SEEN = 1e-4  # p-value below which a coefficient is significant: over the 100 lags that are tried, 1 % for a false one
 _LOOP = 1e-3  # The same for an input that responds to the output, with one test for each input
-_AFTER = 20
-"""Lags beyond the longest dead time in which the response to the input is sought; half of all lags if there are fewer
-than twice as many."""
-_MOST_SAMPLES = 20_000
-"""Most samples that are used: more add no certainty, because fewer determine a dead time to one sample, and the
-regression takes a second."""
+_AFTER = 20  # Lags beyond the longest dead time in which the response is sought; half of all lags if these are few
+_MOST_SAMPLES = 20_000  # Most samples that are used: fewer determine a dead time to one sample
 
 
 class DeadTimeStatus(Enum):

@@ -1,8 +1,7 @@
 """The sampling time for a NARX model, and decimation to it.
 
-Sampled too fast, neighbouring regressors are almost the same; too slowly, dynamics are lost. The first minimum of the
-output's linear or nonlinear correlation, whichever is smaller, should lie at 10 to 20 samples (Billings and Aguirre,
-Int. J. Bifurcation Chaos 5 (1995) 1541-1556, doi:10.1142/S0218127495001158). It is the scale of the strongest part: a
+The first minimum of the output's linear or nonlinear correlation should lie at 10 to 20 samples (Billings and Aguirre,
+Int. J. Bifurcation Chaos 5 (1995) 1541-1556, doi:10.1142/S0218127495001158). It is the scale of the strongest part; a
 lightly damped mode or a fast time constant that moves the output less must keep its samples too.
 """
 
@@ -25,16 +24,11 @@ from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
 
 _WANTED = (10, 20)  # wanted number of samples to the first minimum
-_KEPT = 10
-"""Least samples that decimation leaves in a period of the output's fastest part: L. Ljung, System Identification, 2nd
-edition, Prentice Hall 1999, section 13.7, advises a sampling frequency of about ten times the bandwidth."""
-_SLIGHT = 1e-4
-"""Share of the output's variance that may be lost: 1 % of its standard deviation, less than a model of a recording
-leaves unexplained."""
+_KEPT = 10  # Least samples in a period of the output's fastest part (Ljung, System Identification, 1999, section 13.7)
+_SLIGHT = 1e-4  # Share of the output's variance that may be lost: less than a model leaves unexplained
+# Standard deviations of white noise that the power above a frequency must exceed to be the plant's: 3 times 1.4, because
+# the window makes neighbouring lines similar, plus 3.8 of the same, because the quietest quarter of 16 bands is low.
 _SURE = 8.0
-"""Standard deviations of white noise that the power above a frequency must exceed to be the plant's: 3 times 1.4,
-because the window makes neighbouring lines similar, plus 3.8, because the quietest quarter of 16 bands lies 0.67
-standard deviations of a band, times 1.4, below their mean."""
 
 
 class SamplingStatus(Enum):
