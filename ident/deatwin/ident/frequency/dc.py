@@ -199,10 +199,8 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
 
     Parameters
     ----------
-    model : NarxModel
-        Identified model.
-    operating_input : array_like, shape () or (n_inputs,), optional
-        Constant inputs ubar, in their units; the mean of the training inputs by default.
+    model, operating_input
+        As in `equilibrium`.
 
     Returns
     -------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, pi, sqrt
 
 import numpy as np
@@ -40,9 +40,7 @@ class Statistics:
 
     def only(self, keep: NDArray[np.intp]) -> Statistics:
         """Return the statistics of selected terms."""
-        return Statistics(
-            gram=self.gram[np.ix_(keep, keep)], moment=self.moment[keep], power=self.power, n_samples=self.n_samples
-        )
+        return replace(self, gram=self.gram[np.ix_(keep, keep)], moment=self.moment[keep])
 
     @property
     def sizes(self) -> Array:
@@ -62,12 +60,8 @@ class Statistics:
 
     def divided(self, sizes: Array, output_size: float = 1.0) -> Statistics:
         """Return the statistics of regressors and output divided by sizes. Shapes: `sizes` (n_terms,)."""
-        return Statistics(
-            gram=self.gram / np.outer(sizes, sizes),
-            moment=self.moment / sizes / output_size,
-            power=self.power / output_size**2,
-            n_samples=self.n_samples,
-        )
+        gram, moment = self.gram / np.outer(sizes, sizes), self.moment / sizes / output_size
+        return replace(self, gram=gram, moment=moment, power=self.power / output_size**2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

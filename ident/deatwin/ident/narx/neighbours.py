@@ -12,8 +12,8 @@ from scipy.linalg import qr, solve_triangular
 from deatwin.ident.narx.regression import Regression
 from deatwin.plant.arrays import Array, Integers
 
-# A candidate depends on the chosen terms if removing them reduces its squared norm by this factor.
-_DEPENDENT = 1e-12
+_DEPENDENT = 1e-12  # share of its squared norm beyond the chosen terms below which a candidate depends on them
+_BY_MODEL = ("candidate", "chosen", "theta", "squares", "f_ratio")  # arrays of `Neighbours` with a row for each model
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,14 +29,7 @@ class Neighbours:
 
     def only(self, kept: NDArray[np.bool_]) -> Neighbours:
         """Return the models selected by a mask `kept` (n_models,)."""
-        return Neighbours(
-            candidate=self.candidate[kept],
-            chosen=self.chosen[kept],
-            theta=self.theta[kept],
-            squares=self.squares[kept],
-            f_ratio=self.f_ratio[kept],
-            freedom=self.freedom,
-        )
+        return Neighbours(**{name: getattr(self, name)[kept] for name in _BY_MODEL}, freedom=self.freedom)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,13 +110,8 @@ class CompressedRegression:
         rests = [[other for other in chosen if other != term] for term in chosen]
         found = [self.larger(rest) for rest in rests]
         parts = [models.only(models.candidate != term) for models, term in zip(found, chosen, strict=True)]
-        return Neighbours(
-            **{
-                name: np.concatenate([getattr(part, name) for part in parts])
-                for name in ("candidate", "chosen", "theta", "squares", "f_ratio")
-            },
-            freedom=parts[0].freedom,
-        )
+        joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _BY_MODEL}
+        return Neighbours(**joined, freedom=parts[0].freedom)
 
     @property
     def _rounding(self) -> float:

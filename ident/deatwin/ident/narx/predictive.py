@@ -170,16 +170,14 @@ def free_run_band(
 
     Parameters
     ----------
-    model : NarxModel
-        Model with its covariance, degrees of freedom and noise variance.
+    model, level
+        As in `one_step_band`.
     recording : Recording
         Inputs and outputs in the model's units; the first ``model.table.max_lag`` outputs start the runs.
     rng : numpy.random.Generator
         Random generator for the draws.
     n_draws : int
         Number of runs.
-    level : float
-        Probability that the band at any one time contains a new measurement, between 0 and 1.
     output_noise : float or array_like of shape (n_outputs,), optional
         Standard deviation of noise on the readings, in the outputs' units, which replaces the noise in the equation.
         After `Grow` or `refine`, use the free-run error on the training data, ``model.simulate(training).rms_error``.

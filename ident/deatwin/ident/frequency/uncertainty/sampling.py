@@ -142,18 +142,13 @@ def sample(
 
     Parameters
     ----------
-    model : NarxModel
-        Model with the covariance ``theta_cov`` of its parameters. Their posterior is Student-t if ``theta_dof`` is
-        finite, and normal otherwise.
-    quantity : callable
-        Function that takes a model and returns a FrequencyResponse, for example
-        ``partial(gfrf, order=1, omega=omega)``.
+    model, quantity, level
+        As in `propagate`. The posterior of the parameters is Student-t if the model's ``theta_dof`` is finite, and normal
+        otherwise.
     rng : numpy.random.Generator
         Random generator for the draws.
     n_draws : int
         Number of draws, at least 2.
-    level : float
-        Default coverage probability of the confidence regions and bands.
 
     Raises
     ------

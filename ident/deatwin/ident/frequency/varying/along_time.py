@@ -51,10 +51,8 @@ def tv_gfrf(
     ----------
     trajectory : ThetaTrajectory
         Parameters theta(t) of a model of one input and one output.
-    order : int
-        Order n, from 1 to 8.
-    omega : array_like, shape (n_values,) for order 1, else (n_values, order)
-        Angular frequencies, rad/s, in the form that `gfrf` takes.
+    order, omega
+        As in `gfrf`.
     timepts : array_like, shape (n_times,), optional
         Increasing times, s. The parameters at each time are those of the nearest time of the trajectory. By default the
         times of the trajectory, thinned evenly to at most 200.

@@ -63,8 +63,7 @@ def hold_equilibrium(
     Returns
     -------
     ThetaTrajectory
-        Trajectory with the adjusted constant term and an operating range centred at the equilibrium. If the model had
-        no constant term, one is appended as the last term.
+        Trajectory whose operating range is centred at the equilibrium. A missing constant term is appended.
 
     Raises
     ------
