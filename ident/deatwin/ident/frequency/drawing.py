@@ -226,17 +226,9 @@ def _plot_points(response: FrequencyResponse, axes: Axes) -> Axes:
 
 
 def _label_map(bar: Any, response: FrequencyResponse, axes: Axes) -> None:
-    bar.set_label(_gain_label(response))
-    _label_frequencies(response, axes)
-
-
-def _label_frequencies(response: FrequencyResponse, axes: Any) -> None:
+    unit = written_unit(response.unit)
+    bar.set_label(f"|{response.label}| (dB re 1 {unit})" if unit else f"|{response.label}| (dB)")
     axes.set(xlabel="$f_1$ (Hz)", ylabel="$f_2$ (Hz)")
     others = response.frequency_Hz[:, 2:]
     if _is_slice(response) and others.size:
         axes.set_title(", ".join(f"$f_{i}$ = {held:.3g} Hz" for i, held in enumerate(others[0], start=3)))
-
-
-def _gain_label(response: FrequencyResponse) -> str:
-    unit = written_unit(response.unit)
-    return f"|{response.label}| (dB re 1 {unit})" if unit else f"|{response.label}| (dB)"

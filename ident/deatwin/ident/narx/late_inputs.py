@@ -60,8 +60,10 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
             seen = np.flatnonzero(_scores(inputs, outputs, most) > _SEEN)
             if not seen.size or seen[0] <= last:
                 continue
-            left = [
-                _after(record, response.residuals[row]) for record, response in zip(recordings, predicted, strict=True)
+            residuals = [response.residuals[row] for response in predicted]
+            left = [  # on the clock of the recordings, with zeros before them
+                np.r_[np.zeros(record.n_samples - e.size), e - e.mean()]
+                for record, e in zip(recordings, residuals, strict=True)
             ]
             if np.max(_scores(inputs, left, most)[last + 1 :]) <= _SEEN:
                 continue
@@ -112,11 +114,6 @@ def _whitened(signals: Sequence[Array]) -> list[Array]:
     weights = np.linalg.lstsq(together[1:].T, together[0])[0]
     taps = np.r_[1.0, -weights]
     return [np.r_[np.zeros(min(_WHITENING, s.size)), np.convolve(s, taps, "valid")][: s.size] for s in centred]
-
-
-def _after(record: Recording, residuals: Array) -> Array:
-    """Return residuals on the clock of their recording, with zeros before them."""
-    return np.r_[np.zeros(record.n_samples - residuals.size), residuals - residuals.mean()]
 
 
 def _scores(inputs: Sequence[Array], outputs: Sequence[Array], most: int) -> Array:

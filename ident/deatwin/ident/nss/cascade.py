@@ -83,10 +83,6 @@ class Cascade(StateSpaceIdentifier):
     held_out: float = 0.2
     max_steps: int = 100
 
-    @property
-    def _order(self) -> int:
-        return self.states
-
     def _require(self) -> None:
         self._require_whole("states")
         require_fields(self, feedthrough=truth)

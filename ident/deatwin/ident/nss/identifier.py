@@ -53,14 +53,10 @@ class StateSpaceIdentifier(Identifier):
     model_: NonlinearStateSpace
     first_states_: Array
     status_: FitStatus
+    states: int
     feedthrough: bool
     held_out: float
     max_steps: int
-
-    @property
-    @abstractmethod
-    def _order(self) -> int:
-        """Number of states."""
 
     @abstractmethod
     def _begun(self, linear: Point, records: Sequence[Record]) -> list[Point]:
@@ -87,7 +83,7 @@ class StateSpaceIdentifier(Identifier):
             sides, records = _scaled(chosen, self.held_out, self._needed(chosen[0]))
             told(0.0, "a linear state space")
             found = linear_start(
-                records, self._order, lines=_lines(chosen, sides), steps=_LINEAR_STEPS, feedthrough=self.feedthrough
+                records, self.states, lines=_lines(chosen, sides), steps=_LINEAR_STEPS, feedthrough=self.feedthrough
             )
             whole = all_fitted(records)
             self.linear_error_ = _errors(found.point, whole)[0] * sides["output"][1]

@@ -88,10 +88,6 @@ class Pnlss(StateSpaceIdentifier):
     max_steps: int = 100
     seed: int = 0
 
-    @property
-    def _order(self) -> int:
-        return self.states
-
     def _require(self) -> None:
         self._require_whole("states", "starts")
         require_fields(self, feedthrough=truth, inputs_in_products=truth)

@@ -112,7 +112,8 @@ def compare_records(
         raise ModelError("a comparison needs the recordings of at least two actuators, by their names")
     several, n_slow, level = whole_orders(orders), whole_number(n_slow, "n_slow"), probability(level)
     models = {name: Fixed(terms=terms).fit(given).model_ for name, given in recordings.items()}
-    where = operating_input if operating_input is not None else _centre(tuple(models.values()))
+    centres = [m.operating.input_centre for m in models.values() if m.operating is not None]
+    where = np.mean(centres, axis=0) if operating_input is None else operating_input
     followed = {}
     for name, model in models.items():
         means = band_means(model, several, bands, operating_input=where, input_band=input_band)
@@ -135,11 +136,6 @@ def compare_records(
         ),
         drifts=tuple(track.drift for each in tracks.values() for track in each),
     )
-
-
-def _centre(models: Sequence[NarxModel]) -> Array:
-    """Mean input over all records."""
-    return np.asarray(np.mean([m.operating.input_centre for m in models if m.operating is not None], axis=0))
 
 
 def _track(name: str, mean: BandMean, cosines: Cosines) -> _Track:

@@ -85,7 +85,8 @@ def nofrf(
     wanted = _wanted_orders(order, highest)
     require_one_input(model, "nofrf_exact")
     period = one_period(excitation, model.sample_time)
-    powers = _powers(model, period, wanted[-1] + 2)
+    orders, unit = range(1, wanted[-1] + 3), model.input_units[0]
+    powers = tuple(input_spectrum(period, n, model.sample_time, unit=unit) for n in orders)
     levels = chebyshev_levels(2 * max(wanted[-1], 2))
     runs = _run(deviations(model, operating_input), period, levels, wanted[0])
     fit = fit_orders(runs.levels, runs.spectra, [u.in_range for u in powers], wanted)
@@ -208,11 +209,6 @@ def _run(about: Deviations, period: Array, levels: Array, needed: int) -> _Runs:
         lost=levels[~kept],
         settled=all(state.settled for state in states if not state.diverged),
     )
-
-
-def _powers(model: NarxModel, period: Array, count: int) -> tuple[InputSpectrum, ...]:
-    unit = model.input_units[0]
-    return tuple(input_spectrum(period, n, model.sample_time, unit=unit) for n in range(1, count + 1))
 
 
 def _result(

@@ -154,7 +154,7 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
     bands = [1.96 * float(np.sqrt((1.0 + 2.0 * (values[1:] @ values[1:])) / n)) for values in (linear, nonlinear)]
     minima = _first_minimum(linear, bands[0]), _first_minimum(nonlinear, bands[1])
     if minima == (None, None):
-        minima = _first_zero(linear, bands[0]), None
+        minima = next((lag for lag, value in enumerate(linear) if value <= bands[0]), None), None
     highest = max(_highest(y - mean) for y in outputs if np.ptp(y) > 0.0)
     factor, status = _factor(min((m for m in minima if m is not None), default=None), highest)
     return SamplingChoice(
@@ -215,8 +215,3 @@ def _first_minimum(values: Array, band: float) -> int | None:
         elif value > values[lowest] + band:
             return lowest
     return None
-
-
-def _first_zero(values: Array, band: float) -> int | None:
-    """Return the first lag at which the function cannot be distinguished from zero; None if there is none."""
-    return next((lag for lag, value in enumerate(values) if value <= band), None)
