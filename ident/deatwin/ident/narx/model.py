@@ -122,7 +122,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         for name, names in (("input_origin", self.input_names), ("output_origin", self.output_names)):
             given = real_numbers(getattr(self, name), name)
             object.__setattr__(self, name, given if given.size else np.zeros(len(names)))
-        for name in ("theta", "theta_cov", "input_origin", "output_origin"):
+        for name in ("theta", "theta_cov"):
             object.__setattr__(self, name, real_numbers(getattr(self, name), name))
         real_number(self.sample_time, "sample_time")
         real_numbers(self.noise_variance, "noise_variance")

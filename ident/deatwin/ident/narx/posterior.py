@@ -79,19 +79,10 @@ class ThetaPosterior:
         )
 
     def to_arviz(self, rng: np.random.Generator, **options: Any) -> Any:
-        """Return posterior draws as ArviZ data; needs the extra ``bayes``.
+        """Return posterior draws as ArviZ data, an InferenceData or, from ArviZ 1 on, a DataTree; needs ``bayes``.
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Random generator for the draws.
-        **options
-            ``recording``: recording whose one-step predictions and log-likelihood are added; none by default.
-            ``n_chains``: number of chains, 4 by default. ``n_draws``: number of draws in each chain, 500 by default.
-
-        Returns
-        -------
-        arviz.InferenceData, or xarray.DataTree from ArviZ 1 on
+        `rng` draws. The `options` are ``recording``, whose one-step predictions and log-likelihood are added, and
+        ``n_chains`` and ``n_draws``, the numbers of chains, 4, and of draws in each of them, 500 by default.
         """
         return _to_arviz(self, rng, **options)
 

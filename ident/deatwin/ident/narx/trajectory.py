@@ -85,18 +85,9 @@ class ThetaTrajectory(
 
     @classmethod
     def joined(cls, parts: Sequence[ThetaTrajectory]) -> Self:
-        """Combine the trajectories of several outputs into one.
+        """Combine trajectories of each output's equation, `parts` in the order of the outputs, at their common times.
 
-        Parameters
-        ----------
-        parts : sequence of ThetaTrajectory
-            Trajectory of each output's equation, in the order of the outputs. Only the times common to all are kept.
-            Parameters of different outputs are taken as uncorrelated.
-
-        Raises
-        ------
-        ModelError
-            If the number of trajectories differs from the number of outputs.
+        Parameters of different outputs are taken as uncorrelated. ModelError unless there is one for each output.
         """
         times = parts[0].timepts
         for part in parts[1:]:
@@ -128,10 +119,7 @@ class ThetaTrajectory(
         return read_only(np.sqrt(np.einsum("kii->ik", self.theta_cov)))
 
     def at(self, time: float) -> NarxModel:
-        """Return the model at the sample nearest to `time`, in s on the experiment's clock.
-
-        Raises ModelError if `time` lies outside the trajectory.
-        """
+        """Return the model at the sample nearest to `time`, s on the experiment's clock; ModelError if it is outside."""
         k = int(self._nearest(np.array([time]))[0])
         return replace(self.model, theta=self.theta[:, k], theta_cov=self.theta_cov[k])
 
@@ -141,17 +129,11 @@ class ThetaTrajectory(
         return replace(self, timepts=self.timepts[kept], theta=self.theta[:, kept], theta_cov=self.theta_cov[kept])
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict `steps` samples ahead with the parameters at each time, as `NarxModel.predict` does.
-
-        Raises ModelError if the times of `recording` exceed those of the trajectory.
-        """
+        """Predict `steps` ahead as `NarxModel.predict`; ModelError if the times of `recording` exceed the trajectory's."""
         return self._driven.predict(self._with_theta(recording), steps=steps)
 
     def simulate(self, recording: Recording) -> NarxResponse:
-        """Simulate in free run with the parameters at each time, as `NarxModel.simulate` does.
-
-        Raises ModelError if the times of `recording` exceed those of the trajectory.
-        """
+        """Simulate as `NarxModel.simulate`; ModelError if the times of `recording` exceed those of the trajectory."""
         return self._driven.simulate(self._with_theta(recording))
 
     def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:

@@ -219,30 +219,14 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         return response_over(recording, outputs[None], output.size - errors.size, self.output_units)
 
     def simulate(self, recording: Recording, *, warmup: int | None = None) -> NarxResponse:
-        """Simulate the output from the inputs and an initial state, without noise (free run).
+        """Simulate the output over a `recording` from its inputs and an initial state, without noise (free run).
 
-        The initial state is fitted to the first `warmup` measured outputs by least squares. Later outputs are not used.
-
-        Parameters
-        ----------
-        recording : Recording
-            Inputs, and the outputs that determine the initial state, in the model's units.
-        warmup : int, optional
-            Number of samples that determine the initial state, at least the number of poles. By default ten for each
-            pole, or a third of the recording if this is less. With one sample for each pole, the run starts exactly
-            from the measured outputs, including their noise, as that of a NARX model does.
-
-        Returns
-        -------
-        NarxResponse
-            Response with ``.outputs`` of shape (1, n), which are computed from ``.first`` on, after the samples that
-            determine the initial state. If the run diverges, ``.status`` is ``DIVERGED``.
-
-        Raises
-        ------
-        ModelError
-            If the recording does not suit the model, or `warmup` does not lie between the number of poles and the
-            number of samples.
+        The state is fitted to the first `warmup` outputs by least squares; later ones are not used. By default, these
+        are ten samples for each pole, or a third of the recording if this is less. With one sample for each pole, the run
+        starts exactly from the measured outputs, including their noise, as that of a NARX model does. ``.outputs`` of the
+        response has the shape (1, n), and is computed from ``.first`` on; a run that diverges has the status
+        ``DIVERGED``. ModelError if the recording does not suit the model, or `warmup` does not lie between the number of
+        poles and that of samples.
         """
         self._require(recording)
         lag, poles, output = self.orders.input_lag, self.poles.size, recording.outputs[0]
