@@ -47,10 +47,9 @@ class Drive:
             raise ModelError(
                 f"the inputs have {n} samples; the run starts after {first}, so that at least {first + 1} are needed"
             )
-        outputs = np.zeros((n_outputs, n))
-        outputs[:, first - known.shape[1] : first] = known
         measured = np.full((n_outputs, n), np.nan)
         measured[:, first - known.shape[1] : first] = known
+        outputs = np.nan_to_num(measured)
         timepts = given.timepts if isinstance(given, Recording) else sample_time * np.arange(n, dtype=np.float64)
         return cls(
             inputs=inputs, outputs=outputs, measured=read_only(measured), timepts=read_only(timepts), first=first

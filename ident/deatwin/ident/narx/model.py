@@ -121,7 +121,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         set_signals(self)
         for name, names in (("input_origin", self.input_names), ("output_origin", self.output_names)):
             given = real_numbers(getattr(self, name), name)
-            object.__setattr__(self, name, given if given.size else np.zeros(len(names)))
+            object.__setattr__(self, name, given if given.size else read_only(np.zeros(len(names))))
         for name in ("theta", "theta_cov"):
             object.__setattr__(self, name, real_numbers(getattr(self, name), name))
         real_number(self.sample_time, "sample_time")

@@ -202,10 +202,9 @@ def propagate(model: NarxModel, quantity: Quantity, *, level: float = 0.95) -> P
     respect to the parameters, including the shift of the equilibrium. This covariance is exact if the response is
     linear in the parameters.
 
-    The nonlinearity v is the rms difference between the response and its linearisation, divided by the rms change of
-    the linearisation. Both are measured as Mahalanobis distances with respect to the covariance, over 32 draws of the
-    parameters and their mirror images about the mean. The relative error of the covariance is at most about 2v + v².
-    The covariance is accepted up to v = 0.25.
+    The result's ``nonlinearity`` v is measured over 32 draws of the parameters and their mirror images about the mean.
+    The relative error of the covariance is at most about 2v + v²; it is accepted up to v = 0.25.
+
 
     Parameters
     ----------

@@ -139,28 +139,23 @@ def estimate_dead_time(
     """Estimate the dead time of each input: the first lag at which the input acts on an output.
 
     The dead time is 0 samples if the output y(k) depends on the input u(k) of the same sample. Usually, each reading is
-    taken when the input of the same sample is applied; a plant without transport delay then has a dead time of 1. If
-    the reading is taken at the end of the sample, such a plant has a dead time of 0.
+    taken when the input of the same sample is applied; a plant without transport delay then has a dead time of 1.
 
-    A long ARX model with all inputs whitens the noise. For each input, the first lag at which the coefficient of the
-    model differs significantly from zero (robust Wald test) is an upper bound of the dead time. Up to that bound,
-    first- and second-order plants are fitted to the whitened signals for each dead time. Schwarz's criterion (BIC)
-    converts the likelihoods of these fits to probabilities.
+    A long ARX model with all inputs whitens the noise. The first lag at which its coefficient of an input differs
+    significantly from zero (robust Wald test) is an upper bound of the dead time. Up to that bound, first- and
+    second-order plants are fitted to the whitened signals for each dead time, and Schwarz's criterion (BIC) converts the
+    likelihoods of these fits to probabilities.
 
-    An input that is held, slow or autocorrelated does not bias the estimate, and coloured noise does not either. If
-    inputs are strongly correlated with each other, the confidence interval of the dead time is too narrow by a sample
-    or two. Noise on a measured input makes the dead time seem a sample or two shorter. For a plant of higher order, the
-    estimate is the dead time of a low-order approximation.
-
-    If the input repeats itself, as a triangle wave does, several dead times far apart may fit equally well (status
-    ``ALIKE``); the interval then covers all of them. An input of a few sines may not determine the dead time at all
-    (status ``POOR``).
+    An input that is held, slow or autocorrelated does not bias the estimate, and coloured noise does not either. With
+    strongly correlated inputs, the interval is too narrow by a sample or two, and noise on a measured input makes the
+    dead time seem a sample or two shorter. For a plant of higher order, the estimate is the dead time of a low-order
+    approximation. If the input repeats itself, as a triangle wave does, several dead times may fit equally well (status
+    ``ALIKE``); the interval then covers all of them. A few sines may not determine the dead time at all (``POOR``).
 
     Each input is also tested for feedback: whether the past of the output predicts the input. For a periodic input, the
     test uses only the differences between periods, so it cannot detect feedback in recordings without noise. Decimated
-    recordings are not tested, because a zero-phase filter makes each sample depend on later ones.
-
-    At most 20 000 samples are used, from the beginning of each recording.
+    recordings are not tested, because a zero-phase filter makes each sample depend on later ones. At most 20 000 samples
+    are used, from the beginning of each recording.
 
     Parameters
     ----------

@@ -242,12 +242,11 @@ def _try(
         return fitted
     squares = np.concatenate([(run.measured - run.outputs)[0, first:] ** 2 for run in runs])
     mean_square = float(squares.mean())
-    means = [block.mean() for block in np.array_split(squares, _BLOCKS)]  # of a correlated sequence
     return replace(
         fitted,
         error=float(np.sqrt(mean_square)),
         mean_square=mean_square,
-        standard_error=float(np.std(means, ddof=1) / np.sqrt(_BLOCKS)),
+        standard_error=_standard_error(squares),
         status=TrialStatus.DONE,
     )
 
@@ -258,6 +257,12 @@ def _short(lags: Lags) -> str:
     if isinstance(lags, int) or len(listed) < 3 or listed[-1] - listed[0] + 1 != len(listed):
         return str(lags)
     return f"{listed[0]}..{listed[-1]}"
+
+
+def _standard_error(squares: np.ndarray) -> float:
+    """Return the standard error of the mean of a correlated sequence, from the means of blocks."""
+    means = [block.mean() for block in np.array_split(squares, _BLOCKS)]
+    return float(np.std(means, ddof=1) / np.sqrt(_BLOCKS))
 
 
 def _largest(lags: Lags) -> int:
