@@ -14,7 +14,8 @@ from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
 # E[alpha] from which the first update is least squares, for regressors of root mean square 1: a large value would first
-# have to leave the state without any term. It is also the rounding error of the Cholesky factor of singular statistics.
+# have to leave the state without any term. It also exceeds the rounding error of singular statistics, whose Cholesky
+# factor therefore exists.
 FLAT = 1e-6
 _LEAF = 64  # most rows of a triangle that LAPACK inverts as fast as products of blocks do
 

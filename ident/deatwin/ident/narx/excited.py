@@ -19,7 +19,8 @@ BAND_KEY, HOLES_KEY = "excited_band_Hz", "excited_holes_Hz"
 _FEWEST = 64
 _EXCITED_SHARE = 0.99  # share of the input's power below the highest excited frequency
 # Smallest power of an exciting line, relative to the mean of all lines. The error of a gain is inverse to the root of the
-# power (Bendat and Piersol, Random Data, chapter 9), so it is 30 times that of an even input. A step has a hundredth.
+# power (Bendat and Piersol, Random Data, chapter 9): with a thousandth, 30 times that of an even input. A step has a
+# hundredth of the mean at the end of its band.
 _FAINT = 1e-3
 # A line covers a sixth of an octave to either side, because a lightly damped mode could hide in a wider gap, and at least
 # a tenth of the band, so that odd harmonics leave no gaps. A band that starts in the lowest tenth extends to 0 Hz.

@@ -25,9 +25,7 @@ from deatwin.plant.recording import Recording
 
 _SEARCH = 0.9  # share of the progress for the search; the rest is for the refinement on all recordings
 _ORDER = 2  # order of the linear model at the start: one resonance, or two time constants
-_BEYOND = (
-    1.5  # terms to grow to, relative to those allowed, so that pruning can exchange terms that were added too early
-)
+_BEYOND = 1.5  # terms to grow to, relative to those allowed, so that pruning can exchange terms added too early
 _ROUNDING = 1e-12  # share of the output below which errors, of exact recordings, are equal, so that fewer terms decide
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from deatwin.ident.narx.long_arx import first_samples
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.arrays import Array
@@ -83,9 +84,7 @@ def _dead_times(recordings: tuple[Recording, ...], row: int) -> tuple[DeadTime, 
     """Return dead times from the first samples of recordings."""
     from deatwin.ident.narx.preprocess.dead_time import estimate_dead_time
 
-    share = min(1.0, _FEW / sum(record.n_samples for record in recordings))
-    parts = [record.section(0, max(1, round(share * record.n_samples))) for record in recordings]
-    return estimate_dead_time(parts, output=row)
+    return estimate_dead_time(first_samples(recordings, _FEW), output=row)
 
 
 def last_lag(terms: Iterable[Term], column: int) -> int:

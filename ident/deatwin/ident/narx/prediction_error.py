@@ -14,9 +14,7 @@ from deatwin.ident.narx.terms import Term, TermTable, derivative
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
-_ROUNDS = (
-    12  # Newton's steps for nonlinear recursions of the errors; if more are needed, a recursion is about to diverge
-)
+_ROUNDS = 12  # Newton's steps for nonlinear recursions of the errors; one that needs more is about to diverge
 _ROUNDING = 1e-13  # accuracy of the errors, as a share of the output: a few hundred units in the last place
 _SQUARE_ROUNDING = 1e-14  # relative accuracy of a sum of squares: a smaller change is neither better nor worse
 _MOST_DAMPED = 1e10  # damping beyond which a step is shorter than rounding

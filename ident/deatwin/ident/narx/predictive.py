@@ -54,14 +54,8 @@ class PredictiveBand(Described):
         Lower and upper end of the band, in the recording's units.
     level : float
         Probability that the interval at any one time contains a new measurement.
-    measured : ndarray, shape (n_outputs, n)
-        Measured outputs, in the recording's units.
-    timepts : ndarray, shape (n,)
-        Times of the samples on the recording's clock in s.
-    first : int
-        Index of the first predicted sample.
-    units : tuple of str
-        Unit of each output.
+    measured, timepts, first, units
+        As in `NarxResponse`.
     draws : int
         Number of free runs, each with parameters drawn from the posterior; 0 for a one-step prediction.
     diverged : int

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.document import fields_of, to_document
 from deatwin.ident.narx.model import NarxModel, require_model
+from deatwin.ident.narx.posterior import quantile
 from deatwin.ident.narx.response import NarxResponse
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.arrays import Array
@@ -23,8 +24,6 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 SCHEMA = "deatwin/theta/1"
-
-_QUANTILE = 1.959963984540054  # 97.5 % quantile of the normal law
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,7 +139,8 @@ class ThetaTrajectory(
         """Draw each parameter over time with its 95 % band, on `axes` or new ones; ModelError for too few axes."""
         panels = panels_or_new(axes, len(self.terms), height=1.4, sharex=True)
         for ax, term, theta, std in zip(panels, self.terms, self.theta, self.std, strict=True):
-            half = _QUANTILE * std
+            half = quantile(0.95, np.inf) * std
+
             ax.fill_between(self.timepts, theta - half, theta + half, color="C0", alpha=0.25, linewidth=0)
             ax.plot(self.timepts, theta, color="C0", linewidth=1.2)
             ax.set_title(str(term), loc="left", fontsize="small")

@@ -102,10 +102,8 @@ class Drift:
     ----------
     name : str
         Name of the recording.
-    order : int
-        Order n of the generalised frequency response H_n (`gfrf`).
-    from_Hz, to_Hz : float
-        Edges of the band of output frequencies, Hz.
+    order, from_Hz, to_Hz
+        As in `Difference`.
     test : Equality
         Test of the hypothesis that there is no drift.
     adjusted : float

@@ -49,12 +49,8 @@ class Sampled(Uncertain):
 
     Parameters
     ----------
-    response : FrequencyResponse
-        Frequency response at the estimated parameters, with n points.
-    level : float
-        Default coverage probability of the confidence regions and bands.
-    dof : float
-        Degrees of freedom of the Student-t posterior of the parameters; infinite if the posterior is normal.
+    response, level, dof
+        As in `Propagated`, with n points.
     draws : ndarray of complex, shape (n_kept, n)
         Response at each draw that was kept, in the response's unit.
     n_without : int

@@ -49,13 +49,17 @@ class LinearIdentifier(Identifier):
                 f"the recordings have {chosen[0].outputs.shape[0]} outputs; a linear model has one: "
                 "fit each output with recordings of its own"
             )
-        orders = _orders(chosen[0].inputs.shape[0], **self.get_params())
+        orders = self._orders(chosen[0].inputs.shape[0])
         data = _regression(chosen, orders)
         self.status_ = FitStatus.DONE
         with threadpool_limits(1):  # tall and narrow matrices, for which more threads only wait for each other
             found = self._estimate(orders, data, progress or silent)
         self.model_ = self._model(orders, data, found)
         return self
+
+    def _orders(self, n_inputs: int) -> Orders:
+        """Return the orders for a number of inputs, or raise ModelError."""
+        return _orders(n_inputs, **self.get_params())
 
     def _estimate(self, orders: Orders, data: Regression, progress: Progress) -> Minimum:
         """Minimise the prediction errors from several starts; return the lowest minimum."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import read_only, real_number, whole_number
-from deatwin.ident.narx.long_arx import LongArx, Signals, answer_chance, enough_lags, n_residuals
+from deatwin.ident.narx.long_arx import LongArx, Signals, answer_chance, enough_lags, first_samples, n_residuals
 from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.arguments import each, instance, taking
@@ -23,7 +23,6 @@ from deatwin.plant.recording import Recording, label
 _SEEN = 1e-4  # p-value below which a coefficient is significant: over the 100 lags that are tried, 1 % for a false one
 _LOOP = 1e-3  # The same for an input that responds to the output, with one test for each input
 _AFTER = 20  # Lags beyond the longest dead time in which the response is sought; half of all lags if these are few
-_MOST_SAMPLES = 20_000  # Most samples that are used: fewer determine a dead time to one sample
 
 
 class DeadTimeStatus(Enum):
@@ -260,10 +259,8 @@ def _require(chosen: Sequence[Recording], output: int, max_dead_time: int, proba
 
 def _scaled(chosen: Sequence[Recording], moving: NDArray[np.intp], output: int) -> Signals:
     """Return deviations from the mean, in standard deviations, of the first samples of each recording."""
-    share = min(1.0, _MOST_SAMPLES / sum(record.n_samples for record in chosen))
-    ends = [max(1, round(share * record.n_samples)) for record in chosen]
-    inputs = [record.inputs[moving, :end] for record, end in zip(chosen, ends, strict=True)]
-    outputs = [record.outputs[output, :end] for record, end in zip(chosen, ends, strict=True)]
+    parts = first_samples(chosen)
+    inputs, outputs = [record.inputs[moving] for record in parts], [record.outputs[output] for record in parts]
     all_u, all_y = np.concatenate(inputs, axis=1), np.concatenate(outputs)
     u_mean, u_std = all_u.mean(axis=1, keepdims=True), all_u.std(axis=1, keepdims=True)
     u_std[u_std == 0.0], y_std = 1.0, float(all_y.std()) or 1.0

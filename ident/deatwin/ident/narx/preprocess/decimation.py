@@ -27,7 +27,8 @@ _WANTED = (10, 20)  # wanted number of samples to the first minimum
 _KEPT = 10  # Least samples in a period of the output's fastest part (Ljung, System Identification, 1999, section 13.7)
 _SLIGHT = 1e-4  # Share of the output's variance that may be lost: less than a model leaves unexplained
 # Standard deviations of white noise that the power above a frequency must exceed to be the plant's: 3 times 1.4, because
-# the window makes neighbouring lines similar, plus 3.8 of the same, because the quietest quarter of 16 bands is low.
+# the window makes neighbouring lines similar, plus 3.8, because the quietest quarter of 16 bands lies below their mean.
+
 _SURE = 8.0
 
 
