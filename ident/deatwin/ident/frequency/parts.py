@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import product
 from math import factorial, prod
-from operator import getitem
 from typing import Any
 
 import numpy as np
@@ -155,16 +154,19 @@ def blocks_of(
     axes = _axes(angles)
     if axes is None:
         lines = ((part,) for part in _cut(len(angles), size))
-        return (len(angles),), ((block, Tones(angles[block].T, rows)) for block in lines)
+        return (len(angles),), ((block, Tones(list(angles[block].T), rows)) for block in lines)
     shape = tuple(axis.size for axis in axes)
     lengths = list(shape)
     while prod(lengths) > size:  # halving the longest side keeps blocks nearly cubic, with small faces
         longest = int(np.argmax(lengths))
         lengths[longest] = -(-lengths[longest] // 2)
     boxes = product(*(_cut(n, length) for n, length in zip(shape, lengths, strict=True)))
-    return shape, (
-        (box, Tones(np.meshgrid(*map(getitem, axes, box), indexing="ij", sparse=True), rows)) for box in boxes
-    )
+    return shape, ((box, Tones(_sparse(axes, box), rows)) for box in boxes)
+
+
+def _sparse(axes: Sequence[Array], box: Sequence[slice]) -> Sequence[Array]:
+    """Return the frequencies of each tone in a box of a grid, along an axis of its own."""
+    return np.meshgrid(*[axis[cut] for axis, cut in zip(axes, box, strict=True)], indexing="ij", sparse=True)
 
 
 def _cut(count: int, length: int) -> list[slice]:

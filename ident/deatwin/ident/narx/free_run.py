@@ -224,13 +224,13 @@ def _flat(products: Sequence[Factors], n: int) -> tuple[Integers, Integers]:
     return starts, offsets
 
 
-class ArrayPointer:
+class ArrayPointer(ctypes.c_void_p):
     """Type of an argument of a C function: the data of a contiguous array; a null pointer for None."""
 
-    @staticmethod
-    def from_param(array: NDArray[Any] | None) -> ctypes.c_void_p:
-        """Convert an argument."""
-        return ctypes.c_void_p(None if array is None else array.ctypes.data)
+    @classmethod
+    def from_param(cls, value: Any, /) -> Any:
+        """Convert an array, or None."""
+        return cls(None if value is None else value.ctypes.data)
 
 
 class _Terms(ctypes.Structure):

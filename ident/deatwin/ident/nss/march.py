@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,8 @@ class System:
     @classmethod
     def of(cls, basis: Basis, weights: Mapping[str, Array], free: Mapping[str, Mask]) -> System:
         """Return the system for given weights and masks of free weights, by the names of the fields."""
-        return cls(basis=basis, **weights, **{f"free_{name}": mask for name, mask in free.items()})
+        fields: dict[str, Any] = {**weights, **{f"free_{name}": mask for name, mask in free.items()}}
+        return cls(basis=basis, **fields)
 
     @cached_property
     def _pairs(self) -> tuple[tuple[Array, Mask], ...]:

@@ -80,7 +80,7 @@ def tv_gfrf(
     require_trajectory(trajectory)
     order = whole_order(order, HIGHEST_ORDER)
     frequencies = checked_frequencies(omega, trajectory.model.sample_time, order)
-    tones = Tones(frequencies.reshape(-1, order).T * trajectory.model.sample_time)
+    tones = Tones(list(frequencies.reshape(-1, order).T * trajectory.model.sample_time))
     quantity = partial(gfrf, order=order, omega=frequencies)
     return _along(trajectory, quantity, tones, partial(_of_all_tones, tones), timepts, operating_input, progress)
 
