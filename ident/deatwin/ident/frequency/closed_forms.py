@@ -1,8 +1,7 @@
 """Benchmark systems whose frequency responses of all orders can be written down.
 
 With E = e^(-j(w_1 + ... + w_n)) and A(w) = 1 - a_1 e^(-jw) - a_2 e^(-2jw) at the sum of the frequencies, a power of the
-input acts once, H_n = c E/A, and a power of the output makes H_n of the lower orders, averaged over all ways to give
-the frequencies to them.
+input has H_n = c E/A; a power of the output averages H_n of lower orders over all ways to share the frequencies.
 """
 
 from __future__ import annotations

@@ -17,7 +17,6 @@ from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.linear import feedback, levels, motion, operating_input_of, poles_of, require_finite
 from deatwin.ident.narx.covariance import transformed
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.arrays import Array
@@ -199,10 +198,8 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
 
     Parameters
     ----------
-    model : NarxModel
-        Identified model.
-    operating_input : array_like, shape () or (n_inputs,), optional
-        Constant inputs ubar, in their units; the mean of the training inputs by default.
+    model, operating_input
+        As in `equilibrium`.
 
     Returns
     -------
@@ -238,6 +235,9 @@ def deviations(model: NarxModel, operating_input: ArrayLike | None = None) -> De
     require_finite(matrix)
     moves = motion(model, levels(model, point.operating_input, point.output))
     jacobian = matrix + np.outer(np.array([slope[term] for term in terms]) @ model.theta, moves)
+    moved = (
+        None if model.operating is None else model.operating.shifted(point.operating_input, np.array([point.output]))
+    )
     shifted = replace(
         model,
         terms=terms,
@@ -246,16 +246,10 @@ def deviations(model: NarxModel, operating_input: ArrayLike | None = None) -> De
         theta_cov=transformed(jacobian, model.theta_cov),
         input_origin=np.zeros_like(model.input_origin),
         output_origin=np.zeros_like(model.output_origin),
-        operating=_shifted_range(model, point),
+        operating=moved,
         provenance={**model.provenance, "deviations_from": _written(model, point)},
     )
     return Deviations(model=shifted, jacobian=jacobian, point=point)
-
-
-def _shifted_range(model: NarxModel, point: Equilibrium) -> OperatingRange | None:
-    if model.operating is None:
-        return None
-    return model.operating.shifted(point.operating_input, np.array([point.output]))
 
 
 def _written(model: NarxModel, point: Equilibrium) -> str:

@@ -23,10 +23,8 @@ _FEWEST_ON_A_LINE = 3  # least number of frequencies on each axis of a grid
 
 def plot_response(response: FrequencyResponse, ax: Axes | None = None) -> Axes:
     """Draw the gain of a response over one frequency or two."""
-    axes = axes_or_new(ax)
-    if response.omega.ndim == 1:
-        return _plot_gain(response, axes)
-    return plot_map(response, axes)
+    draw = _plot_gain if response.omega.ndim == 1 else plot_map
+    return draw(response, axes_or_new(ax))
 
 
 def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tuple[Axes, Axes]:
@@ -73,8 +71,7 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
     phase.set_xscale(gain.get_xscale())
     if phase.get_xscale() == "log":
         plain_numbers(phase.xaxis)
-    phase.set_xlabel("frequency (Hz)")
-    phase.set_ylabel("phase (°)")
+    phase.set(xlabel="frequency (Hz)", ylabel="phase (°)")
     return gain, phase
 
 
@@ -94,16 +91,14 @@ def _plot_gain(response: FrequencyResponse, axes: Axes) -> Axes:
     frequencies, drawn = response.frequency_Hz, drawn_points(response)
     name = response.label.strip("$")
     (line,) = axes.plot(frequencies, np.where(drawn, response.gain, np.nan), label=f"$|{name}|$", **_style(response))
-    axes.set_xscale("log" if np.all(frequencies > 0) else "linear")
-    axes.set_yscale("log")
+    axes.set(xscale="log" if np.all(frequencies > 0) else "linear", yscale="log")
     say_zero(drawn, axes)
     if response.theta_cov.any():
         _shade(response, drawn, axes, line.get_color())
     numbers_of_decades(axes.yaxis)
     if axes.get_xscale() == "log":
         plain_numbers(axes.xaxis)
-    axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel(f"gain ({written_unit(response.unit)})" if response.unit else "gain")
+    axes.set(xlabel="frequency (Hz)", ylabel=f"gain ({written_unit(response.unit)})" if response.unit else "gain")
     axes.legend()
     return axes
 
@@ -231,18 +226,9 @@ def _plot_points(response: FrequencyResponse, axes: Axes) -> Axes:
 
 
 def _label_map(bar: Any, response: FrequencyResponse, axes: Axes) -> None:
-    bar.set_label(_gain_label(response))
-    _label_frequencies(response, axes)
-
-
-def _label_frequencies(response: FrequencyResponse, axes: Any) -> None:
-    axes.set_xlabel("$f_1$ (Hz)")
-    axes.set_ylabel("$f_2$ (Hz)")
+    unit = written_unit(response.unit)
+    bar.set_label(f"|{response.label}| (dB re 1 {unit})" if unit else f"|{response.label}| (dB)")
+    axes.set(xlabel="$f_1$ (Hz)", ylabel="$f_2$ (Hz)")
     others = response.frequency_Hz[:, 2:]
     if _is_slice(response) and others.size:
         axes.set_title(", ".join(f"$f_{i}$ = {held:.3g} Hz" for i, held in enumerate(others[0], start=3)))
-
-
-def _gain_label(response: FrequencyResponse) -> str:
-    unit = written_unit(response.unit)
-    return f"|{response.label}| (dB re 1 {unit})" if unit else f"|{response.label}| (dB)"

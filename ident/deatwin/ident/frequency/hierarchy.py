@@ -1,12 +1,9 @@
 """The equations that a polynomial model makes for the parts of its output, each linear in its own part.
 
 A Volterra system answers w = sum of parts with v = sum of parts: one for each order, or each combination of tones. A
-product of lagged signals splits a part in all ways that the parts allow, so the equation of a part,
-
-    (1 - sum_l a_l q^-l) v[s] = sum_m theta_m product_m[s],
-
-holds only smaller parts on its right. On sets of frequencies it is, in order of size, the symmetric form of the recursion
-of Peyton Jones and Billings (Int. J. Control 50 (1989) 1925-1940, doi:10.1080/00207178908953472).
+product of lagged signals splits a part in all ways that the parts allow. The equation of a part, (1 - sum_l a_l q^-l)
+v[s] = sum_m theta_m product_m[s], therefore holds only smaller parts on its right. On sets of frequencies, this is the
+recursion of Peyton Jones and Billings (Int. J. Control 50 (1989) 1925-1940, doi:10.1080/00207178908953472).
 """
 
 from __future__ import annotations

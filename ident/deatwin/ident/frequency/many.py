@@ -1,14 +1,14 @@
 """Frequency responses of one structure at many parameters at once, as for draws of a posterior.
 
-The equilibrium of each is that on the branch of the model's own, to which it is followed in small steps of the
-parameters; where the branch ends, there is none.
+The equilibrium is followed from the model's own in small steps of the parameters; where its branch ends, there is none.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,19 @@ class Evaluated(Frozen):
     values: Complex  # shape (n_draws, n): Response of each draw; NaN if there is no equilibrium
     exists: NDArray[np.bool_]  # shape (n_draws,): True if there is an equilibrium
     stable: NDArray[np.bool_]  # shape (n_draws,): True if it is stable
+
+
+Many = Callable[[Array], Evaluated]  # Response of each parameter vector, shape (n_draws, n_terms)
+
+
+def then(evaluate: Many | None, change: Callable[[Complex], Complex]) -> Many | None:
+    """Return a function of many parameters whose values are changed afterwards."""
+    return None if evaluate is None else partial(_changed, evaluate, change)
+
+
+def _changed(evaluate: Many, change: Callable[[Complex], Complex], thetas: Array) -> Evaluated:
+    found = evaluate(thetas)
+    return replace(found, values=change(found.values))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import product
 from math import factorial, prod
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,21 +20,11 @@ _ROUNDING = 64 * np.finfo(float).eps  # relative size of what rounding leaves of
 
 
 class Tones:
-    """Parts that are sets of tones, each a bit of the part's number; `angles` (n, order), `rows` (order,)."""
+    """Parts that are sets of tones, each a bit of the part's number. Shapes: `angles`, one for each tone; `rows` (order,)."""
 
     # The input is a sum of tones e^(jw_i k); the part of all n tones in the output is n! times the symmetric H_n.
 
-    def __init__(self, angles: Array, rows: Sequence[int] = ()) -> None:
-        self._take(list(angles.T), rows)
-
-    @classmethod
-    def on_grid(cls, axes: Sequence[Array], rows: Sequence[int] = ()) -> Self:
-        """Make all combinations of the tones' frequencies; each set is computed once. Shapes: `axes` (n_i,)."""
-        tones = cls.__new__(cls)
-        tones._take(np.meshgrid(*axes, indexing="ij", sparse=True), rows)
-        return tones
-
-    def _take(self, angles: Sequence[Array], rows: Sequence[int]) -> None:
+    def __init__(self, angles: Sequence[Array], rows: Sequence[int] = ()) -> None:
         self.count = len(angles)
         self._rows = tuple(rows) or (0,) * self.count
         self.whole = (1 << self.count) - 1
@@ -164,16 +154,19 @@ def blocks_of(
     axes = _axes(angles)
     if axes is None:
         lines = ((part,) for part in _cut(len(angles), size))
-        return (len(angles),), ((block, Tones(angles[block], rows)) for block in lines)
+        return (len(angles),), ((block, Tones(list(angles[block].T), rows)) for block in lines)
     shape = tuple(axis.size for axis in axes)
     lengths = list(shape)
     while prod(lengths) > size:  # halving the longest side keeps blocks nearly cubic, with small faces
         longest = int(np.argmax(lengths))
         lengths[longest] = -(-lengths[longest] // 2)
     boxes = product(*(_cut(n, length) for n, length in zip(shape, lengths, strict=True)))
-    return shape, (
-        (box, Tones.on_grid([axis[cut] for axis, cut in zip(axes, box, strict=True)], rows)) for box in boxes
-    )
+    return shape, ((box, Tones(_sparse(axes, box), rows)) for box in boxes)
+
+
+def _sparse(axes: Sequence[Array], box: Sequence[slice]) -> Sequence[Array]:
+    """Return the frequencies of each tone in a box of a grid, along an axis of its own."""
+    return np.meshgrid(*[axis[cut] for axis, cut in zip(axes, box, strict=True)], indexing="ij", sparse=True)
 
 
 def _cut(count: int, length: int) -> list[slice]:

@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.frozen import Frozen
-from deatwin.ident.frequency.many import Evaluated
+from deatwin.ident.frequency.many import Many, then
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 from deatwin.plant.drawing import Axes
 
-LINEAR_LAW = 4.0
-"""Gains below this many standard deviations (of the ellipse's longer axis) are not normally distributed."""
+LINEAR_LAW = 4.0  # Standard deviations (along the longer axis) below which a gain is not normally distributed
 
 
 class FrequencyStatus(Enum):
@@ -133,7 +132,7 @@ class FrequencyResponse(Described, Frozen):
     unit: str
     theta_cov: Array
     differentiate: Callable[[], Complex]
-    evaluate: Callable[[Array], Evaluated] | None = None
+    evaluate: Many | None = None
     theta_dof: float = math.inf
     inputs: tuple[str, ...] = ()
 
@@ -162,14 +161,12 @@ class FrequencyResponse(Described, Frozen):
         """Return the response at selected points; `chosen` is a mask, an array of indices or a slice."""
         where = np.arange(self.values.size)[chosen]
         derive, many = self.differentiate, self.evaluate
-        if many is not None:
-            many = many.at(where) if isinstance(many, Pointwise) else partial(_columns, many, where)
         return replace(
             self,
             values=self.values[where],
             omega=self.omega[where],
             differentiate=derive.at(where) if isinstance(derive, Pointwise) else partial(_rows, self, where),
-            evaluate=many,
+            evaluate=many.at(where) if isinstance(many, Pointwise) else then(many, partial(_columns, where)),
         )
 
     @property
@@ -231,23 +228,12 @@ class FrequencyResponse(Described, Frozen):
         return np.sqrt((real + imag) / 2 + np.hypot((real - imag) / 2, cross))
 
     def band(self, level: float = 0.95) -> Band:
-        """Return a pointwise confidence band of the gain.
+        """Return a pointwise confidence band of the gain, of coverage probability `level`, between 0 and 1.
 
-        The parameters are assumed to be normal, or Student-t if ``theta_dof`` is finite. The gain is assumed to be
-        linear in the parameters, which fails if the gain is not large compared with its uncertainty. ``linear_law`` is
-        therefore False where the gain is below four standard deviations along the longer axis of the covariance
-        ellipse. To test whether the complex response is linear in the parameters, use `propagate`. The lower limit is
-        never below zero.
-
-        Parameters
-        ----------
-        level : float
-            Coverage probability at each frequency, between 0 and 1.
-
-        Raises
-        ------
-        ModelError
-            If the level is not between 0 and 1.
+        The parameters are assumed to be normal, or Student-t if ``theta_dof`` is finite, and the gain to be linear in
+        them, which fails if the gain is not large compared with its uncertainty. ``linear_law`` is therefore False where
+        the gain is below four standard deviations along the longer axis of the covariance ellipse. To test whether the
+        complex response is linear in the parameters, use `propagate`. The lower limit is never below zero.
         """
         half = interval_radius(level, self.theta_dof) * self.gain_deviation
         return Band(
@@ -272,9 +258,8 @@ def _rows(response: FrequencyResponse, where: NDArray[np.intp]) -> Complex:
     return response.gradient[where]
 
 
-def _columns(evaluate: Callable[[Array], Evaluated], where: NDArray[np.intp], thetas: Array) -> Evaluated:
-    found = evaluate(thetas)
-    return replace(found, values=found.values[:, where])
+def _columns(where: NDArray[np.intp], values: Complex) -> Complex:
+    return values[:, where]
 
 
 def _plain(values: Array) -> float | list[float]:

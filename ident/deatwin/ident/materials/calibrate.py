@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,15 +28,6 @@ HOPELESS = 20.0  # Log odds against an energy with all branches beyond which few
 UNEXPLAINED = 0.5  # Unexplained share of the tests from which on no material is returned: it would be worse than none
 _LOOK = "look at the columns, their signs and units, and at the specimen's dimensions"
 LEVEL = 0.95  # Probability of the intervals
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Chosen:
-    """The chosen fit, the rejected ones, and the errors of the tests."""
-
-    fit: Fit
-    choices: tuple[Choice, ...]
-    noise: Noise
 
 
 @taking(about=instance(Mapping, error=DataError))
@@ -76,21 +66,21 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
     listed = _listed(tests)
     own = stated_energy(about or {})
     data = Observations.of(listed)
-    chosen = _choose(data, own)
-    quantities, covariance = _intervals(data, chosen)
-    section = section_of(about or {}, chosen.fit, quantities)
+    best, choices, noise = _choose(data, own)
+    quantities, covariance = _intervals(data, best, noise)
+    section = section_of(about or {}, best, quantities)
     material, _ = read_material(section)
-    said = notes_of(data, chosen.fit, chosen.noise, chosen.choices, quantities)
+    said = notes_of(data, best, noise, choices, quantities)
     return CalibratedMaterial(
         section=section,
         quantities=quantities,
         covariance=covariance,
-        noise=chosen.noise,
-        choices=chosen.choices,
+        noise=noise,
+        choices=choices,
         notes=(*said, *on_permittivity(about or {}, material)),
         tests=listed,
         data=data,
-        modelled=chosen.fit.modelled,
+        modelled=best.modelled,
     )
 
 
@@ -108,8 +98,8 @@ def _listed(tests: Sequence[MaterialTest]) -> tuple[MaterialTest, ...]:
     return listed
 
 
-def _choose(data: Observations, own: EnergyStart | str | None) -> _Chosen:
-    """Choose energy and number of branches."""
+def _choose(data: Observations, own: EnergyStart | str | None) -> tuple[Fit, tuple[Choice, ...], Noise]:
+    """Choose energy and number of branches; return the chosen fit, the best of each choice, and the tests' errors."""
     noise = Noise.guess(data)
     white = noise.whitener(data, data.measured)
     starts = _starts(data, own, neo_hookean_modulus(data, white))
@@ -136,7 +126,7 @@ def _choose(data: Observations, own: EnergyStart | str | None) -> _Chosen:
         raise DataError(
             f"{best.start.called}, the best energy, leaves more than half of the stress unexplained; {_LOOK}"
         )
-    return _Chosen(fit=best, choices=tuple(_choices(allowed, best, count)), noise=noise)
+    return best, tuple(_choices(allowed, best, count)), noise
 
 
 def _simplest(fits: Sequence[Fit], count: float) -> Fit:
@@ -168,10 +158,9 @@ def _choices(fits: Sequence[Fit], best: Fit, count: float) -> Iterator[Choice]:
         yield Choice(energy=name, branches=number, behind=float(behind), fit=one)
 
 
-def _intervals(data: Observations, chosen: _Chosen) -> tuple[tuple[Quantity, ...], Array]:
+def _intervals(data: Observations, best: Fit, noise: Noise) -> tuple[tuple[Quantity, ...], Array]:
     """Return parameters with intervals, and the covariance of their coordinates. The scatter of specimens has the
     degrees of freedom that their number gives (Welch and Satterthwaite)."""
-    best, noise = chosen.fit, chosen.noise
     covariance = _covariance(noise.whitener(data, best.modelled)(best.slopes), best.prior)
     alone = Noise(absolute=noise.absolute, relative=noise.relative, scatter=0.0, repeats=noise.repeats)
     own = np.diag(_covariance(alone.whitener(data, best.modelled)(best.slopes), best.prior))

@@ -11,20 +11,10 @@ from scipy.optimize import brentq
 
 from deatwin.ident.materials.flow import STRETCHES, elastic_stress
 from deatwin.plant.arrays import Array
-from deatwin.plant.laws.energies import (
-    arruda_boyce,
-    first_invariant,
-    gent,
-    mooney_rivlin,
-    neo_hookean,
-    ogden,
-    yeoh,
-)
+from deatwin.plant.laws.energies import arruda_boyce, first_invariant, gent, mooney_rivlin, neo_hookean, ogden, yeoh
 from deatwin.plant.parameters import Parameter, Scale
 
-FURTHEST = 1e3
-"""Largest factor between a modulus and the neo-Hookean one, either way: beyond it no test of an elastomer is
-explained."""
+FURTHEST = 1e3  # Largest factor between a modulus and the neo-Hookean one, either way, that a test can show
 STIFFEST_LIMIT = 1e4  # Stretch limit from which on a film is neo-Hookean to 1e-3 below a stretch of 3
 
 

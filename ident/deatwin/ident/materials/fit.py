@@ -18,11 +18,8 @@ from deatwin.plant.parameters import Parameter
 from deatwin.plant.prefixes import with_unit
 
 LEAST, MOST = 1.0, 1e9  # Range of a branch's shear modulus, Pa, as in rig files
-COARSE = PER_DECADE // 3
-"""Step through the table for a first fit: three relaxation times per decade are as close as tests can distinguish."""
-CLOSE, LONGEST = 1e-7, 100
-"""CLOSE: relative change of the loss at which a fit ends, too small to affect the choice between models. LONGEST: most
-evaluations of a fit."""
+COARSE = PER_DECADE // 3  # Step through the table for a first fit: tests distinguish three relaxation times per decade
+CLOSE, LONGEST = 1e-7, 100  # Change of the loss at which a fit ends, relative to it, and most evaluations of a fit
 BRANCHES = 8  # Most branches: more than published spectra of elastomers have within the time range of one machine
 
 
@@ -109,13 +106,9 @@ def fit(data: Observations, start: EnergyStart, elastic: Array, branches: Array,
         max_nfev=LONGEST,
     )
     modelled, slopes = model(found.x)
+    prior = deviations**-2.0
     return Fit(
-        start=start,
-        coordinates=found.x,
-        modelled=modelled,
-        slopes=slopes,
-        prior=deviations**-2.0,
-        loss=2.0 * float(found.cost),
+        start=start, coordinates=found.x, modelled=modelled, slopes=slopes, prior=prior, loss=2.0 * float(found.cost)
     )
 
 

@@ -24,8 +24,7 @@ STRETCHES: Mapping[str, Callable[[Array], Array]] = MappingProxyType(
 _GAMMA = 0.4358665215084590  # root of x^3/6 - 3 x^2/2 + 3 x - 1, which makes Alexander's three stages stiffly accurate
 _FIRST, _SECOND = -(6 * _GAMMA**2 - 16 * _GAMMA + 1) / 4, (6 * _GAMMA**2 - 20 * _GAMMA + 5) / 4
 _STAGES = ((), ((1 - _GAMMA) / 2,), (_FIRST, _SECOND))
-_PARTS = 4
-"""Parts of a step: a jump to a stretch of 4 is then followed to 2e-4 if a sample lasts 0.4 relaxation times."""
+_PARTS = 4  # Parts of a step: a jump to a stretch of 4 is then followed to 2e-4 if a sample lasts 0.4 relaxation times
 _NEWTON = 6  # Iterations of each stage: the flow is convex, so they converge from one side, to below 1e-9 after six
 
 
@@ -43,11 +42,9 @@ def _elastic(energy: Callable[..., Any], count: int) -> ca.Function:
 
 
 def branch_stress(times: Array, stretches: Array, relaxation: Array) -> Array:
-    """Nominal stress of Maxwell branches for a shear modulus of 1, from rest at stretch 1, by `PointwiseFilm`'s flow.
-
-    With a_i = ln(lambda_i/xi_i): da_i/dt = d(ln lambda_i)/dt - (sigma_i - sigma_j/2) / (3 mu tau). Shapes: `times`
-    (n,), s, from 0 or later; `stretches` (2, n); `relaxation` (m,), s; returns (n, m).
-    """
+    """Nominal stress (n, m) of Maxwell branches for a shear modulus of 1, from rest at stretch 1, by `PointwiseFilm`'s
+    flow, da_i/dt = d(ln lambda_i)/dt - (sigma_i - sigma_j/2) / (3 mu tau) for a_i = ln(lambda_i/xi_i). Shapes: `times`
+    (n,), s, from 0 on; `stretches` (2, n); `relaxation` (m,), s."""
     paths = np.log(stretches)
     steps = np.diff(times, prepend=0.0)
     # The path from time 0 to the first sample is even; a first sample at time 0 was reached at once.
@@ -97,11 +94,8 @@ def _flow(strain: Any) -> tuple[Any, Any]:
     stresses = squares - across
     flow = ca.vertcat(stresses[0] - stresses[1] / 2, stresses[1] - stresses[0] / 2) / 3
     first, second, third = 2 * squares[0], 2 * squares[1], across  # derivatives; half of it for the third
-    slope = ca.vertcat(
-        ca.horzcat(first + third, third - second / 2),
-        ca.horzcat(third - first / 2, second + third),
-    )
-    return flow, slope / 3
+    rows = ca.horzcat(first + third, third - second / 2), ca.horzcat(third - first / 2, second + third)
+    return flow, ca.vertcat(*rows) / 3
 
 
 def dynamic_shares(frequencies: Array, relaxation: Array) -> tuple[Array, Array]:

@@ -110,20 +110,10 @@ def estimate_noise(data: Observations, residual: Array, modelled: Array, slopes:
 
     start = np.log(np.array([*(0.1 * FIRST_GUESS for _ in sizes), *(FIRST_GUESS for _ in sizes), FIRST_GUESS]))
     start = start if scattered else start[:-1]
-    found = minimize(
-        loss,
-        start,
-        method="L-BFGS-B",
-        bounds=[(np.log(SMALLEST), 0.0)] * start.size,
-        options={"ftol": 1e-6, "gtol": 0.01},
-    )
-    sizes_found = noise(found.x, alone)
-    return noise(found.x, _repeats(data, sizes_found.whitener(data, modelled)(residual)))
-
-
-def _repeats(data: Observations, white: Array) -> tuple[float, ...]:
-    """Return how many samples of each test count as one independent sample, from the residuals' correlations."""
-    return tuple(_correlated(white[place]) for place in data.places)
+    bounds, options = [(np.log(SMALLEST), 0.0)] * start.size, {"ftol": 1e-6, "gtol": 0.01}
+    found = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options=options)
+    white = noise(found.x, alone).whitener(data, modelled)(residual)
+    return noise(found.x, tuple(_correlated(white[place]) for place in data.places))
 
 
 def _correlated(residual: Array) -> float:

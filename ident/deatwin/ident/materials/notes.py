@@ -16,9 +16,7 @@ from deatwin.plant.laws.energies import first_invariant
 from deatwin.plant.substance import Material
 
 ODDS = 3.0  # Logarithm of 20: log odds up to which a less probable choice remains possible
-APART = 0.05
-"""Relative difference of two energies' stresses above which it is reported: as large as the errors that models of
-elastomers leave."""
+APART = 0.05  # Relative difference of two energies' stresses that is reported: models of elastomers leave such errors
 WIDE = 3.0  # Ratio of an interval's ends above which the tests hardly determine a value
 
 

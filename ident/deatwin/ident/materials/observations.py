@@ -18,15 +18,11 @@ from deatwin.plant.arrays import Array
 from deatwin.plant.laws.energies import first_invariant
 
 PER_DECADE = 12  # Relaxation times per decade of the table; a spline between them is exact to 1e-5
-BEYOND = 3.0
-"""Multiple of the longest time in the tests up to which a relaxation time may lie: a slower branch is a spring to
-them."""
+BEYOND = 3.0  # Multiple of the tests' longest time up to which a relaxation time may lie: slower branches are springs
 SEGMENT, MOST = 12, 2000  # Least samples kept of each straight piece of a path, and most samples kept of all pieces
 KEPT = 200  # Samples kept of a test with few pieces: more would mostly repeat each other
 STRAIGHT = 0.01  # Share of a path's range by which a piece may deviate from a straight line and still count as straight
 PULL = 1e-4  # Relative change of the stretch, to either side, whose difference gives the modulus at a stretch
-
-
 CURVED, RATES = 0.1, 2.0
 """CURVED: deviation of a path from a pull at an even rate, as a share of its range. RATES: ratio of the rates of two
 pulls. From either on, tests can separate relaxation from elasticity; at a single rate, both bend the curve."""

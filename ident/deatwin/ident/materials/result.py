@@ -139,8 +139,7 @@ class CalibratedMaterial:
             if block.test.is_dma == (name == "frequency") and (name != "time" or block.times is not None):
                 _draw_block(name, ax, block, self.modelled[place])
         labels = {"stretch": "stretch", "time": "time (s)", "frequency": "frequency (Hz)"}
-        ax.set_xlabel(labels[name])
-        ax.set_ylabel("modulus (kPa)" if name == "frequency" else "nominal stress (kPa)")
+        ax.set(xlabel=labels[name], ylabel="modulus (kPa)" if name == "frequency" else "nominal stress (kPa)")
         if name != "stretch":
             ax.set_xscale("log")
         if name == "frequency":

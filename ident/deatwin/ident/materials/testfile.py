@@ -43,9 +43,7 @@ UNITS: Mapping[str, str] = MappingProxyType(
 """Columns of a test and their SI units."""
 STRETCHES, STRESSES = ("stretch", "strain", "true_strain", "displacement"), ("stress", "true_stress", "force")
 _PLAIN = ("1", "-", "–", "mm/mm", "m/m")
-LARGEST = 20.0
-"""Largest stretch of a test: elastomers break far below it, and a strain in per cent mistaken for fractions lies
-above."""
+LARGEST = 20.0  # Largest stretch of a test, far beyond the break of elastomers: a strain in per cent lies above
 _DYNAMIC = ("frequency", "storage", "loss")
 
 

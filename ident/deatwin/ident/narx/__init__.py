@@ -11,8 +11,7 @@ from deatwin.ident.narx.excited import Excitation, excitation, excited_band
 from deatwin.ident.narx.export import narx_source
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.frols import Frols
-from deatwin.ident.narx.grow import Grow
-from deatwin.ident.narx.grow_search import GrowStep
+from deatwin.ident.narx.grow import Grow, GrowStep
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.model import NarxModel

@@ -18,9 +18,7 @@ from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
 HELD_OUT = 0.3  # Share at the end of each recording that is not fitted but judges the model
-_FEWEST = 500
-"""Samples that a held-out part needs for the free-run residual to be measured on it: a shorter part shows too little of
-a slow residual to give its size and memory."""
+_FEWEST = 500  # Samples of a held-out part: fewer show too little of a slow residual to give its size and memory
 
 
 def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:

@@ -1,10 +1,8 @@
-"""Variational Bayesian linear regression with automatic relevance determination (Drugowitsch, arXiv:1310.5438, section
-2).
-"""
+"""Variational Bayesian linear regression with automatic relevance determination (Drugowitsch, arXiv:1310.5438)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, pi, sqrt
 
 import numpy as np
@@ -15,11 +13,10 @@ from scipy.special import gammaln
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
+# E[alpha] from which the first update is least squares, for regressors of root mean square 1: a large value would first
+# have to leave the state without any term. It also exceeds the rounding error of singular statistics, whose Cholesky
+# factor therefore exists.
 FLAT = 1e-6
-"""E[alpha] so small that the first update is least squares, for regressors of root mean square 1. (From a large value
-the updates would have to leave the state without any term, where combinations of nearly collinear terms are suppressed
-while the parameters hardly move.) The Cholesky factor of singular statistics needs this much: their largest eigenvalue,
-at most samples times terms, is below 1e8, and its rounding error then below this value."""
 _LEAF = 64  # most rows of a triangle that LAPACK inverts as fast as products of blocks do
 
 
@@ -44,9 +41,7 @@ class Statistics:
 
     def only(self, keep: NDArray[np.intp]) -> Statistics:
         """Return the statistics of selected terms."""
-        return Statistics(
-            gram=self.gram[np.ix_(keep, keep)], moment=self.moment[keep], power=self.power, n_samples=self.n_samples
-        )
+        return replace(self, gram=self.gram[np.ix_(keep, keep)], moment=self.moment[keep])
 
     @property
     def sizes(self) -> Array:
@@ -66,12 +61,8 @@ class Statistics:
 
     def divided(self, sizes: Array, output_size: float = 1.0) -> Statistics:
         """Return the statistics of regressors and output divided by sizes. Shapes: `sizes` (n_terms,)."""
-        return Statistics(
-            gram=self.gram / np.outer(sizes, sizes),
-            moment=self.moment / sizes / output_size,
-            power=self.power / output_size**2,
-            n_samples=self.n_samples,
-        )
+        gram, moment = self.gram / np.outer(sizes, sizes), self.moment / sizes / output_size
+        return replace(self, gram=gram, moment=moment, power=self.power / output_size**2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

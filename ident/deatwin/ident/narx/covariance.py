@@ -12,13 +12,11 @@ from deatwin.ident.arguments import read_only
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
+# Largest difference of C_ij and C_ji, as a share of both deviations: an inverse of condition 1e12 still passes.
 _UNEQUAL = 1e-3
-"""Largest difference of C_ij and C_ji, as a share of both standard deviations. The inverse of a matrix of condition
-kappa is asymmetric by about eps kappa; up to kappa = 1e12 it is accepted and made symmetric."""
+# Negative eigenvalues down to this share of the largest are rounding, the square root of eps. A product J C J' may lose
+# more; `transformed` forms it from roots.
 _INDEFINITE = 2**-26
-"""Negative eigenvalues down to this share of the largest, the square root of eps, are rounding. A product J C J' loses
-eps kappa; a covariance that would lose more than half of its digits to cancellation is better formed from roots
-(`transformed`)."""
 
 
 def covariance_of(

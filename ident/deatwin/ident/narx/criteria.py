@@ -25,8 +25,7 @@ CRITERIA: Mapping[str, Callable[[float, int, int, int], float]] = MappingProxyTy
         "aic": lambda s, n, k, p: n * log(s) + 2 * k,
     }
 )
-"""Criteria that depend on the selection path alone, all on the scale of n ln(mean square); the smallest value is
-best."""
+"""Criteria of a selection path, all on the scale of n ln(mean square); the smallest value is best."""
 
 
 def criterion_values(name: str, steps: Sequence[SelectionStep], target: Array, candidates: int) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,10 +47,9 @@ class Drive:
             raise ModelError(
                 f"the inputs have {n} samples; the run starts after {first}, so that at least {first + 1} are needed"
             )
-        outputs = np.zeros((n_outputs, n))
-        outputs[:, first - known.shape[1] : first] = known
         measured = np.full((n_outputs, n), np.nan)
         measured[:, first - known.shape[1] : first] = known
+        outputs = np.nan_to_num(measured)
         timepts = given.timepts if isinstance(given, Recording) else sample_time * np.arange(n, dtype=np.float64)
         return cls(
             inputs=inputs, outputs=outputs, measured=read_only(measured), timepts=read_only(timepts), first=first
@@ -81,6 +80,12 @@ class Signals(Protocol):
     def input_units(self) -> Sequence[str]: ...
     @property
     def output_units(self) -> Sequence[str]: ...
+
+
+def signals_like(owner: Signals) -> dict[str, Any]:
+    """Return sample time, names and units of the signals of a recording or a model, as fields of a model."""
+    names = [f"{side}_{what}" for what in ("names", "units") for side in ("input", "output")]
+    return {name: getattr(owner, name) for name in ("sample_time", *names)}
 
 
 def require_suits(recording: Recording, model: Signals, *, with_outputs: bool, fewest: int) -> None:

@@ -1,7 +1,4 @@
-"""Estimators of the parameters of given regressors: their contract, least squares and total least squares.
-
-Each is a small immutable object that is called with regressors and outputs, so that it can be handed to an identifier,
-as ``Frols(estimator=Ridge())``.
+"""Estimators of the parameters of given regressors, which are called with these: least squares, total least squares.
 
 >>> import numpy as np
 >>> rows = np.array([[1.0, 1.0, 1.0, 1.0], [0.0, 1.0, 2.0, 3.0]])

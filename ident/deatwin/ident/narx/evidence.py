@@ -1,13 +1,9 @@
 """Compute the exact evidence of regression structures, and find one that no small change makes more probable.
 
-With theta^ the least-squares estimate of the k terms Phi of a structure and n samples, the prior
-
-    p(tau) ~ 1/tau,    theta | tau ~ N(theta^, n/tau (Phi'Phi)^-1)
-
-is as wide as one sample would leave it: a unit-information prior (Kass, Wasserman, J. Am. Stat. Assoc. 90 (1995)
-928-934, doi:10.1080/01621459.1995.10476592), centred by the data so that it asks the same of terms of any size. The
-evidence is Schwarz's criterion with ln(1 + n) for ln n; it depends on no choice, nor on units. A width learned from all
-effects (a mixture of g-priors) would ask more of a small term beside large ones, and NARX models have both.
+The prior is p(tau) ~ 1/tau, theta | tau ~ N(theta^, n/tau (Phi'Phi)^-1), with the least-squares estimate theta^ of the
+terms Phi and n samples: a unit-information prior (Kass, Wasserman, J. Am. Stat. Assoc. 90 (1995) 928-934,
+doi:10.1080/01621459.1995.10476592), which depends on no choice, nor on units. The evidence is Schwarz's criterion with
+ln(1 + n) for ln n. A width learned from all effects would ask more of a small term beside large ones.
 """
 
 from __future__ import annotations

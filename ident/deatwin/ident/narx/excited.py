@@ -15,22 +15,16 @@ from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording, label
 
 BAND_KEY, HOLES_KEY = "excited_band_Hz", "excited_holes_Hz"
-"""Keys of a model's provenance: the highest frequency that its recording excited and, if any, the holes below it,
-Hz."""
+"""Keys of a model's provenance: the highest frequency that its recording excited and any holes below it, Hz."""
 _FEWEST = 64
 _EXCITED_SHARE = 0.99  # share of the input's power below the highest excited frequency
+# Smallest power of an exciting line, relative to the mean of all lines. The error of a gain is inverse to the root of the
+# power (Bendat and Piersol, Random Data, chapter 9): with a thousandth, 30 times that of an even input. A step has a
+# hundredth of the mean at the end of its band.
 _FAINT = 1e-3
-"""Smallest power of an exciting line, relative to the mean power of all lines.
-
-The relative error of a gain is sqrt((1 - c) / (2 c n)) for a coherence c and n averaged lines (Bendat and Piersol,
-Random Data, chapter 9). If the noise is small, c / (1 - c) is proportional to the power of the line, and the error to
-the inverse of its square root: with a thousandth of the power, the error is 30 times that of an even input. The power
-of a step falls with the square of the frequency, and is a hundredth of the mean at the end of its band.
-"""
+# A line covers a sixth of an octave to either side, because a lightly damped mode could hide in a wider gap, and at least
+# a tenth of the band, so that odd harmonics leave no gaps. A band that starts in the lowest tenth extends to 0 Hz.
 _REACH_RATIO, _REACH_SHARE = 2.0 ** (1 / 6), 0.1
-"""A line covers a sixth of an octave to either side, because a lightly damped mode could hide in a wider gap, and at least
-a tenth of the band, so that the odd harmonics of multisines and square waves leave no gaps. A band that starts within
-the lowest tenth extends to 0 Hz."""
 _LOBE = 2  # Lines from 0 Hz on over which the window smears the remainder of a removed trend; alone they are no band
 
 Band = tuple[float, float]
@@ -144,12 +138,7 @@ def excitation(recording: Recording) -> Excitation:
     Parameters
     ----------
     recording : Recording
-        Recording whose first input is analysed. Its mean and its linear trend are removed first.
-
-    Raises
-    ------
-    DataError
-        If the input is constant, a ramp, or shorter than 64 samples.
+        As in `excited_band`, with the same errors.
 
     References
     ----------

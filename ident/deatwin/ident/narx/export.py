@@ -150,14 +150,7 @@ def _listed(signals: tuple[Signal, ...]) -> str:
 
 def _head(model: NarxModel, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...]) -> str:
     trained = model.operating
-    ranges = (
-        []
-        if trained is None
-        else [
-            f"Trained on {signal} from {number(low)} to {number(high)}; beyond it extrapolates."
-            for signal, low, high in zip(inputs, trained.input_min.tolist(), trained.input_max.tolist(), strict=True)
-        ]
-    )
+    known = () if trained is None else zip(inputs, trained.input_min.tolist(), trained.input_max.tolist(), strict=True)
     names = model.input_names, model.output_names
     return comment(
         [
@@ -165,7 +158,10 @@ def _head(model: NarxModel, inputs: tuple[Signal, ...], outputs: tuple[Signal, .
             *(written(model.terms, model.theta, model.equations, *names) + origins(model)).splitlines(),
             *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
             *(f"y[{k}]: {signal}" for k, signal in enumerate(outputs)),
-            *ranges,
+            *(
+                f"Trained on {signal} from {number(low)} to {number(high)}; beyond it extrapolates."
+                for signal, low, high in known
+            ),
         ]
     )
 

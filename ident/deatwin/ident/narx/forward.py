@@ -10,15 +10,11 @@ from numpy.typing import NDArray
 
 from deatwin.plant.arrays import Array
 
-# A candidate depends on the chosen ones if its squared norm has fallen by this factor: the remainder, 1e-10 of its
-# norm, still has six digits.
-_DEPENDENT = 1e-20
-# Squared norms and products are updated, not recomputed, until the squared norm of a candidate, or of the output, has
-# fallen to this share; they are then recomputed, so that cancellation never costs more than two digits.
+_DEPENDENT = 1e-20  # share of its squared norm left to a candidate that depends on the chosen ones: six digits
+# Norms and products are updated until that of a candidate, or of the output, has fallen to this share, and then
+# recomputed, so that cancellation never costs more than two digits.
 _REFRESH = 1e-2
-# Ratio above which gains are equal, because they differ only by rounding after cancellation; the first such candidate
-# is taken.
-_EQUAL = 1.0 - 1e-12
+_EQUAL = 1.0 - 1e-12  # ratio above which gains differ only by rounding; the first such candidate is taken
 _ROWS = 64  # rows orthogonalised at once: 5 MB for 10,000 samples
 
 

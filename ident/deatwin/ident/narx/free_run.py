@@ -1,7 +1,7 @@
 """Simulate NARX models from their own past outputs: free runs, innovations, and the errors of many models.
 
-Terms are split into factors that are known beforehand and products of the simulated signal. The march is a
-small C kernel, compiled once per user, where a C compiler is found, and plain Python elsewhere.
+The march over known factors and products of the simulated signal is a small C kernel, and plain Python without a
+compiler.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import accumulate
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,6 @@ from deatwin.plant.integrator.compiled import compile_source, compiler
 Factors = tuple[tuple[int, int], ...]  # Product of signals: for each factor the row of the signal and its lag
 
 _BLOCK = 256  # samples of a block, as in the kernel
-
-
 _HORIZONS = 4096  # runs simulated at once, whose regressors stay in the processor's cache
 
 
@@ -38,15 +37,9 @@ def free_run(
     """Simulate without noise until `limit` is exceeded. Shapes: `theta` (n_terms,); `inputs` (n_inputs, n); `outputs`
     (n_outputs, n); returns (n_outputs, n) and the sample of a divergence."""
     quiet = [i for i, term in enumerate(table.terms) if all(v.kind != "e" for v, _ in term.factors)]
-    belongs = [0] * len(table.terms) if equations is None else equations
-    march = March.of(
-        [table.terms[i] for i in quiet],
-        {"u": inputs},
-        "y",
-        outputs,
-        first=table.max_lag,
-        equations=[belongs[i] for i in quiet],
-    )
+    terms = [table.terms[i] for i in quiet]
+    belongs = None if equations is None else [equations[i] for i in quiet]
+    march = March.of(terms, {"u": inputs}, "y", outputs, first=table.max_lag, equations=belongs)
     return march.run(np.asarray(theta)[quiet], limit=limit)
 
 
@@ -55,14 +48,8 @@ def innovations(
 ) -> Array:
     """Return e(k) = y(k) - sum_m theta_m term_m(k), (n_outputs, n), from measured signals and past e, zero in the first
     lags. If the noise model is not invertible, e grows and finally holds its last value."""
-    march = March.of(
-        table.terms,
-        {"u": inputs, "y": outputs},
-        "e",
-        np.zeros_like(outputs, dtype=np.float64),
-        first=table.max_lag,
-        equations=equations,
-    )
+    start, known = np.zeros_like(outputs, dtype=np.float64), {"u": inputs, "y": outputs}
+    march = March.of(table.terms, known, "e", start, first=table.max_lag, equations=equations)
     return march.run(-np.asarray(theta), base=outputs)[0]
 
 
@@ -137,18 +124,8 @@ class March:
         if kernel is None:
             reached = self._plain(chosen, theta, base, limit, x)
         else:
-            places, coefficients = self._work(chosen.size)
-            reached = kernel.deatwin_run(
-                ctypes.byref(self._tables),
-                chosen.size,
-                chosen.ctypes.data,
-                theta.ctypes.data,
-                None if base is None else base.ctypes.data,
-                limit,
-                x.ctypes.data,
-                places.ctypes.data,
-                coefficients.ctypes.data,
-            )
+            terms, work = ctypes.byref(self._tables), self._work(chosen.size)
+            reached = kernel.deatwin_run(terms, chosen.size, chosen, theta, base, limit, x, *work)
         x = x[: self.n_outputs]
         if reached == x.shape[1]:
             return x, None
@@ -167,22 +144,8 @@ class March:
             for into, model in zip(sums, zip(chosen, theta, strict=True), strict=True):
                 into[:] = self._plain_errors(*model, limit, stops)
             return sums
-        run = self.start.copy()
-        places, coefficients = self._work(chosen.shape[1])
-        kernel.deatwin_errors(
-            ctypes.byref(self._tables),
-            *chosen.shape,
-            chosen.ctypes.data,
-            theta.ctypes.data,
-            sections,
-            stops.ctypes.data,
-            self.start.ctypes.data,
-            limit,
-            sums.ctypes.data,
-            run.ctypes.data,
-            places.ctypes.data,
-            coefficients.ctypes.data,
-        )
+        terms, run, work = ctypes.byref(self._tables), self.start.copy(), self._work(chosen.shape[1])
+        kernel.deatwin_errors(terms, *chosen.shape, chosen, theta, sections, stops, self.start, limit, sums, run, *work)
         return sums
 
     def _plain_errors(self, chosen: Integers, theta: Array, limit: float, stops: Integers) -> Array:
@@ -228,20 +191,14 @@ class March:
     def _tables(self) -> _Terms:
         """Return the terms in the kernel's format."""
         n = self.start.shape[1]
-        shapes = [
-            (
-                row,
-                SOURCES.index(shape.name),
-                shape.difference,
-                shape.gain,
-                shape.unit,
-                *(*shape.parameters, 0.0, 0.0)[:2],
-            )
-            for row, shape in self.derived
-        ]
-        numbers = np.array(shapes).reshape(-1, 7)
+        numbers = np.array(
+            [
+                (row, SOURCES.index(f.name), f.difference, f.gain, f.unit, *(*f.parameters, 0.0, 0.0)[:2])
+                for row, f in self.derived
+            ]
+        ).reshape(-1, 7)
         arrays = (self.known, *_flat(self.parts, n), self.monomial, self.equations, *_flat(self.monomials, n), numbers)
-        tables = _Terms(*(array.ctypes.data for array in arrays), self.n_outputs, len(shapes), self.first, n)
+        tables = _Terms(*(array.ctypes.data for array in arrays), self.n_outputs, len(numbers), self.first, n)
         tables.keep = arrays
         return tables
 
@@ -267,24 +224,22 @@ def _flat(products: Sequence[Factors], n: int) -> tuple[Integers, Integers]:
     return starts, offsets
 
 
+class ArrayPointer(ctypes.c_void_p):
+    """Type of an argument of a C function: the data of a contiguous array; a null pointer for None."""
+
+    @classmethod
+    def from_param(cls, value: Any, /) -> Any:
+        """Convert an array, or None."""
+        return cls(None if value is None else value.ctypes.data)
+
+
 class _Terms(ctypes.Structure):
     """``terms`` of the kernel; the arrays that it points to are kept in ``keep``."""
 
     keep: tuple[NDArray[np.generic], ...]
+    _POINTERS = "known known_start known_offset monomial equation marched_start marched_offset shapes"
     _fields_ = [
-        *(
-            (name, ctypes.c_void_p)
-            for name in (
-                "known",
-                "known_start",
-                "known_offset",
-                "monomial",
-                "equation",
-                "marched_start",
-                "marched_offset",
-                "shapes",
-            )
-        ),
+        *((name, ctypes.c_void_p) for name in _POINTERS.split()),
         *((name, ctypes.c_int64) for name in ("n_outputs", "n_shapes", "first", "n")),
     ]
 
@@ -299,25 +254,12 @@ def _kernel(_program: str | None) -> ctypes.CDLL | None:
         kernel = ctypes.CDLL(str(library))
     except OSError:  # a cache folder that does not permit execution
         return None
-    pointer, integer, number = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
-    model = (pointer, pointer)  # terms, parameters
-    work = (pointer, pointer)
+    terms, integer, number, array = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ArrayPointer
     kernel.deatwin_run.restype = integer
-    kernel.deatwin_run.argtypes = (pointer, integer, *model, pointer, number, pointer, *work)
+    kernel.deatwin_run.argtypes = (terms, integer, array, array, array, number, array, array, array)
     kernel.deatwin_errors.restype = None
-    kernel.deatwin_errors.argtypes = (
-        pointer,
-        integer,
-        integer,
-        *model,
-        integer,
-        pointer,
-        pointer,
-        number,
-        pointer,
-        pointer,
-        *work,
-    )
+    sections = (integer, array, array, number)  # their number and stops, the outputs, and the limit
+    kernel.deatwin_errors.argtypes = (terms, integer, integer, array, array, *sections, array, array, array, array)
     return kernel
 
 
@@ -328,21 +270,12 @@ def require_steps(steps: int, first: int, n_samples: int) -> None:
 
 
 def steps_ahead(
-    table: TermTable,
-    theta: Array,
-    inputs: Array,
-    outputs: Array,
-    steps: int,
-    limit: float,
-    equations: Sequence[int],
+    table: TermTable, theta: Array, inputs: Array, outputs: Array, steps: int, limit: float, equations: Sequence[int]
 ) -> tuple[Array, Booleans]:
-    """Predict each sample from outputs up to ``steps`` samples before it and all inputs; noise after those outputs is
-    zero.
-
-    Shapes: `theta` (n_terms,); `inputs` (n_inputs, n); `outputs` (n_outputs, n); returns predictions (n_outputs, m) of
-    the m = n - max_lag - steps + 1 last samples, and divergence flags (m,).
-    """
+    """Predict each sample from outputs up to ``steps`` samples before it and all inputs, with no noise after those
+    outputs; return predictions (n_outputs, m) of the m last samples, and divergence flags (m,)."""
     belongs = np.array(equations)
+
     weights = np.where(belongs == np.arange(len(outputs))[:, None], theta, 0.0)
     signals = {"u": inputs, "y": outputs}
     if table.channels("e"):

@@ -1,8 +1,7 @@
 """Growth of a model where the noise is not white, with terms judged by the refined free run.
 
-There, as with noise on the readings of a slow plant, least squares of the one-step error is biased, a term that the
-free run needs lowers it by nothing, and no single addition need help. So terms are added by the free-run error, and
-their number is judged afterwards, over the whole path.
+There, as with noise on the readings of a slow plant, least squares of the one-step error is biased. Terms are therefore
+added by the free-run error, and their number is judged over the whole path, because no single addition need help.
 """
 
 from __future__ import annotations
@@ -22,15 +21,10 @@ from deatwin.ident.narx.residual_tests import whiteness_of
 from deatwin.plant.arrays import Array, Booleans
 from deatwin.plant.errors import ModelError
 
-# Lags of the portmanteau test for white errors: more lags would lose power, because the first ones hold most of what
-# noise on readings or a missing term leaves (Hyndman, Athanasopoulos, "Forecasting", 3rd ed. (2021), section 5.4: ten,
-# or n/5).
-_LAGS = 10
+_LAGS = 10  # Lags of the test for white errors (Hyndman, Athanasopoulos, "Forecasting", 3rd ed. (2021), section 5.4)
 _LEVEL = 0.01  # level of that test, as of the others of `Semp`: as rarely is a true model grown by chance
 _ROUNDING = 1e-12  # share of the output below which a residual, of an exact recording, is rounding and not noise
-# Least share of each direction of the parameters that must remain without a section, for its held-out errors to be
-# defined.
-_UNDETERMINED = 1e-9
+_UNDETERMINED = 1e-9  # least share of each direction of the parameters that remains without a held-out section
 
 
 def white(model: NarxModel, data: Regression) -> bool:

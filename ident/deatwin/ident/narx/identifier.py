@@ -102,26 +102,8 @@ class Identifier:
         return rebuilt, (own_functions(repr(self)), copyreg.__newobj__, (type(self),)), vars(self)  # type: ignore[attr-defined]
 
     def score(self, recordings: Recordings, y: None = None) -> float:
-        """Return the coefficient of determination of free runs of the fitted model over recordings.
-
-        Parameters
-        ----------
-        recordings : Recording, Experiment, or several
-            Recordings in the model's units.
-        y : None
-            Argument of scikit-learn's interface, which is not used: the recordings contain the outputs.
-
-        Returns
-        -------
-        float
-            ``1 - sum (y - yhat)^2 / sum (y - mean y)^2``, summed over the computed samples of all recordings. With
-            several outputs, the mean of their values. Minus infinity if a free run diverges.
-
-        Raises
-        ------
-        ModelError
-            If the estimator is not fitted, the recordings do not suit the model, or an output is constant.
-        """
+        """Return the coefficient of determination of free runs over `recordings`, ``1 - sum (y - yhat)^2 / sum (y -
+        mean y)^2``, the mean of all outputs; minus infinity if a run diverges. `y` is scikit-learn's, and unused."""
         if not hasattr(self, "model_"):
             raise ModelError(f"this {type(self).__name__} is not fitted; call fit first")
         runs = [self.model_.simulate(record) for record in flatten(recordings)]

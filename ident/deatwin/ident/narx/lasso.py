@@ -60,8 +60,7 @@ class LassoPath(Described):
         axes.axvline(self.penalties[self.chosen], color="black", linestyle=":")
         axes.set_xscale("log")
         axes.invert_xaxis()
-        axes.set_xlabel("penalty")
-        axes.set_ylabel("standardised coefficient")
+        axes.set(xlabel="penalty", ylabel="standardised coefficient")
         if named:
             axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
         return axes

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from deatwin.ident.narx.long_arx import first_samples
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.arrays import Array
@@ -23,13 +24,9 @@ if TYPE_CHECKING:
 
 LAST_INPUT_LAGS = "last input lags"
 """Key of a model's provenance: the last lag of each input among the candidates, -1 for none."""
-_SEEN = 3.9
-"""Standard deviations from which a correlation counts: by chance, 1 in 10,000 does, and 1 in 100 for any of a hundred
-lags."""
+_SEEN = 3.9  # Standard deviations from which a correlation counts: by chance, that of 1 in 10,000 lags does
 _BEYOND = 100  # Lags beyond the model's last that are examined, up to a quarter of a recording
-_FEW = 3000
-"""Most samples for the estimate of a dead time, which then takes less than a second; far fewer determine it to one
-sample."""
+_FEW = 3000  # Most samples for the estimate of a dead time, which takes less than a second; far fewer determine it
 _WHITENING = 10  # Lags of the autoregression that whitens a signal
 
 
@@ -64,8 +61,10 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
             seen = np.flatnonzero(_scores(inputs, outputs, most) > _SEEN)
             if not seen.size or seen[0] <= last:
                 continue
-            left = [
-                _after(record, response.residuals[row]) for record, response in zip(recordings, predicted, strict=True)
+            residuals = [response.residuals[row] for response in predicted]
+            left = [  # on the clock of the recordings, with zeros before them
+                np.r_[np.zeros(record.n_samples - e.size), e - e.mean()]
+                for record, e in zip(recordings, residuals, strict=True)
             ]
             if np.max(_scores(inputs, left, most)[last + 1 :]) <= _SEEN:
                 continue
@@ -85,9 +84,7 @@ def _dead_times(recordings: tuple[Recording, ...], row: int) -> tuple[DeadTime, 
     """Return dead times from the first samples of recordings."""
     from deatwin.ident.narx.preprocess.dead_time import estimate_dead_time
 
-    share = min(1.0, _FEW / sum(record.n_samples for record in recordings))
-    parts = [record.section(0, max(1, round(share * record.n_samples))) for record in recordings]
-    return estimate_dead_time(parts, output=row)
+    return estimate_dead_time(first_samples(recordings, _FEW), output=row)
 
 
 def last_lag(terms: Iterable[Term], column: int) -> int:
@@ -116,11 +113,6 @@ def _whitened(signals: Sequence[Array]) -> list[Array]:
     weights = np.linalg.lstsq(together[1:].T, together[0])[0]
     taps = np.r_[1.0, -weights]
     return [np.r_[np.zeros(min(_WHITENING, s.size)), np.convolve(s, taps, "valid")][: s.size] for s in centred]
-
-
-def _after(record: Recording, residuals: Array) -> Array:
-    """Return residuals on the clock of their recording, with zeros before them."""
-    return np.r_[np.zeros(record.n_samples - residuals.size), residuals - residuals.mean()]
 
 
 def _scores(inputs: Sequence[Array], outputs: Sequence[Array], most: int) -> Array:

@@ -1,8 +1,7 @@
 """A long ARX regression of an output on lagged inputs, and what its coefficients tell from chance.
 
-The regression A y(k) = sum_i B_i u_i(k) + e(k) with many lags whitens the noise, whatever its colour and whether or
-not the input answers to the output, and B_i begins where the plant from u_i does: 1/H, with H the model of the noise,
-begins with 1.
+A regression A y(k) = sum_i B_i u_i(k) + e(k) with many lags whitens noise of any colour, also in a loop, and B_i begins
+where the plant from u_i does, because the inverse of the noise model begins with 1.
 """
 
 from __future__ import annotations
@@ -15,23 +14,21 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.repeats import periods_apart
 from deatwin.plant.arrays import Array
+from deatwin.plant.recording import Recording
 
 Signals = Sequence[tuple[Array, Array]]
 """Inputs, (n_inputs, n), and output, (n,), of each recording, scaled to a variance of 1."""
 
-_OUTPUT_LAGS = 30
-"""Most lags of the output; never more than of the inputs, so that short recordings keep samples for both. Akaike's
-criterion chooses how many are needed."""
+_OUTPUT_LAGS = 30  # Most lags of the output, of which Akaike's criterion chooses some; never more than of the inputs
 _ANSWERS = 10  # Lags of the output from which an input that responds to it is predicted: more make the test weaker
-_FOR_EACH = 5  # Least samples per unknown: with fewer, unknowns take up the residual's variance and spoil all tests
-_RESOLVED = 1e-9
-"""Share of the output below which a residual is rounding: readings have at most nine significant digits."""
+_MOST_SAMPLES = 20_000  # Most samples that are used: more add no certainty, and a regression takes a second
+FOR_EACH = 5  # Least samples per unknown: with fewer, unknowns take up the residual's variance and spoil all tests
+RESOLVED = 1e-9  # Share of the output below which a residual is rounding: readings have at most nine significant digits
 
 _ALL_LAGS = 1e-4  # p-value below which all lags of an input together act
+# Variance of a coefficient, relative to that under a white input, from which lags are too similar. Held, slow and binary
+# inputs have twenty to eighty, band-limited ones and a few sines a million and more.
 _ALIKE = 1e4
-"""Variance of a coefficient, relative to that under a white input, from which lags are too similar: a hundred times its
-standard error. Held, slow and binary inputs have twenty to eighty, band-limited ones and a few sines a million and
-more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +65,7 @@ class LongArx:
         kept = singular > 1e-10 * singular[0]
         theta = right[kept].T / singular[kept] @ (left[:, kept].T @ target) / scale
         error = target - rows @ theta
-        variance = max(float(error @ error) / (target.size - rows.shape[1]), _RESOLVED**2)
+        variance = max(float(error @ error) / (target.size - rows.shape[1]), RESOLVED**2)
         tested = np.split(theta[order + 1 :], np.cumsum(sizes)[:-1])
         b = np.array([np.pad(one[::-1], (first, 0)) for one, first in zip(tested, shortest, strict=True)])
         a = np.r_[1.0, -theta[1 : order + 1]]
@@ -87,7 +84,7 @@ class LongArx:
         inflation = np.sum((right.T / np.maximum(singular, 1e-10 * np.sqrt(target.size))) ** 2, axis=1) * target.size
         score, size = left[:, kept].T @ target, int(kept.sum())
         freedom = target.size - q.shape[1] - size
-        error = float(np.sum((target - q @ (q.T @ target)) ** 2) - score @ score) / freedom + _RESOLVED**2
+        error = float(np.sum((target - q @ (q.T @ target)) ** 2) - score @ score) / freedom + RESOLVED**2
         chance = fdtrc(size, freedom, float(score @ score) / (size * error)) if size else 1.0
         return bool(chance < _ALL_LAGS and np.median(inflation) > _ALIKE)
 
@@ -106,18 +103,19 @@ class LongArx:
         return [_inputs(self.signals, i, self.lags(i)) for i in range(self.b.shape[0]) if i != which]
 
 
-def answer_chance(signals: Signals, which: int, longest: int) -> float:
-    """Return the p-value of the hypothesis that an input does not respond to the output.
+def first_samples(recordings: Sequence[Recording], most: int = _MOST_SAMPLES) -> list[Recording]:
+    """Return the beginnings of recordings, the same share of each, with at most so many samples in all."""
+    share = min(1.0, most / sum(record.n_samples for record in recordings))
+    return [record.section(0, max(1, round(share * record.n_samples))) for record in recordings]
 
-    Given the past of all inputs, the output's past must not predict an input that is independent of it (Granger,
-    Econometrica 37 (1969) 424-438, doi:10.2307/1912791). The converse does not hold: an input that is measured with
-    noise, or follows a cause that is not recorded, is predicted by an output that shows more of it. A held input is
-    tested only where it may change, because a ringing output reveals how long it has been held. Of an input that
-    repeats itself, only the differences between periods are tested, because a few lags of the output predict what
-    repeats. These differences may be noise alone, and a response within the sample then shows in the present output
-    only. It must be compatible neither with an input that acts within the sample, as estimated from what repeats, nor
-    with one that does not, as if the differences were noise of its reading.
-    """
+
+def answer_chance(signals: Signals, which: int, longest: int) -> float:
+    """Return the p-value of "the input does not respond to the output": given the past of all inputs, the output's past
+    must not predict an input that is independent of it (Granger, Econometrica 37 (1969) 424-438). An input with noise, or
+    with a cause that is not recorded, is predicted, too. A held input is tested only where it may change, because a
+    ringing output reveals how long it has been held, and a repeating one by the differences between its periods. These
+    may be noise alone, so a response within the sample must be compatible neither with an input that acts within the
+    sample, as estimated from what repeats, nor with one that does not."""
     n_inputs = signals[0][0].shape[0]
     apart = [periods_apart(inputs[which], inputs, output, longest) for inputs, output in signals]
     signals = [one for series in apart for one in series[1:] or series]
@@ -135,7 +133,7 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
         tested = [np.column_stack([present - b * target, *tested]) for b in {0.0, acts}]
     may_change = np.concatenate([_on_clock(inputs[which], hold)[longest:] for inputs, _ in signals])
     fixed = np.column_stack([np.ones(target.size), *past])
-    if may_change.sum() < _FOR_EACH * (fixed.shape[1] + tested[0].shape[1]):
+    if may_change.sum() < FOR_EACH * (fixed.shape[1] + tested[0].shape[1]):
         return 1.0
     return max(
         _Scores.of(np.column_stack([fixed, one])[may_change], target[may_change], one.shape[1]).p_value()
@@ -178,15 +176,12 @@ class _Scores:
         error = target - q @ (q.T @ target)
         freedom = target.size - rows.shape[1]
         last = q[:, -n_last:]
-        variance = float(error @ error) / freedom + _RESOLVED**2
+        variance = float(error @ error) / freedom + RESOLVED**2
         return cls(last.T @ target, last * error[:, None] * np.sqrt(target.size / freedom), variance, freedom)
 
     def p_value(self, part: slice = slice(None)) -> float:
-        """Return the larger p-value of two tests of the hypothesis that these columns explain nothing.
-
-        The test by least squares holds if one sample decides, as in a single step; Newey and West's (Econometrica 55
-        (1987) 703-708, doi:10.2307/1913610) holds if the residual changes with the input.
-        """
+        """Return the larger p-value of two tests of "these columns explain nothing": least squares, if one sample
+        decides, and Newey and West's (Econometrica 55 (1987) 703-708), if the residual changes with the input."""
         from scipy.special import fdtrc
 
         total, products = self.total[part], self.products[:, part]
@@ -206,7 +201,7 @@ class _Scores:
 def enough_lags(signals: Signals, n_inputs: int, wanted: int) -> int:
     """Return the largest number of lags, up to `wanted`, for which there are enough samples; 0 if none."""
     for longest in range(wanted if n_inputs else 0, 0, -1):
-        if n_residuals(signals, longest) >= _FOR_EACH * (1 + min(_OUTPUT_LAGS, longest) + n_inputs * (longest + 1)):
+        if n_residuals(signals, longest) >= FOR_EACH * (1 + min(_OUTPUT_LAGS, longest) + n_inputs * (longest + 1)):
             return longest
     return 0
 
@@ -222,7 +217,7 @@ def _order(columns: Array, fixed: int) -> int:
     last = triangle[:, -1] ** 2
     squares = np.cumsum(last[::-1])[::-1][fixed:-1]  # residuals' squares with 0, 1, ... lags of the output
     n = columns.shape[0]
-    squares = np.maximum(squares, n * _RESOLVED**2)
+    squares = np.maximum(squares, n * RESOLVED**2)
     return int(np.argmin(n * np.log(squares) + 2.0 * np.arange(squares.size)))
 
 

@@ -121,8 +121,8 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         set_signals(self)
         for name, names in (("input_origin", self.input_names), ("output_origin", self.output_names)):
             given = real_numbers(getattr(self, name), name)
-            object.__setattr__(self, name, given if given.size else np.zeros(len(names)))
-        for name in ("theta", "theta_cov", "input_origin", "output_origin"):
+            object.__setattr__(self, name, given if given.size else read_only(np.zeros(len(names))))
+        for name in ("theta", "theta_cov"):
             object.__setattr__(self, name, real_numbers(getattr(self, name), name))
         real_number(self.sample_time, "sample_time")
         real_numbers(self.noise_variance, "noise_variance")
@@ -186,23 +186,10 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
 
     @classmethod
     def joined(cls, models: Sequence[NarxModel]) -> NarxModel:
-        """Combine single-output models into one model with an equation for each output.
+        """Combine single-output `models`, one for each output in the order of the outputs, into one model.
 
-        Parameters
-        ----------
-        models : sequence of NarxModel
-            One model for each output, in the order of the outputs. All models have the same names of inputs and
-            outputs. Each model has terms only in the equation of its own output.
-
-        Returns
-        -------
-        NarxModel
-            Joint model, in which parameters of different equations are uncorrelated.
-
-        Raises
-        ------
-        ModelError
-            If there is not one model for each output, in the order of the outputs.
+        All have the same names of inputs and outputs, and terms only in their own equation; ModelError otherwise.
+        Parameters of different equations are uncorrelated.
         """
         first = models[0]
         if any(set(model.equations) != {row} for row, model in enumerate(models)) or (len(models) != first.n_outputs):

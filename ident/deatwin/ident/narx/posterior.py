@@ -55,22 +55,9 @@ class ThetaPosterior:
         return np.asarray(np.sqrt(shrink * np.diag(self.model.theta_cov)))
 
     def interval(self, level: float = 0.95) -> Array:
-        """Return a central credible interval for each parameter.
+        """Return lower and upper ends of each parameter's central interval, shape (n_terms, 2), in the parameters' units.
 
-        Parameters
-        ----------
-        level : float
-            Probability that the interval contains the parameter, between 0 and 1.
-
-        Returns
-        -------
-        ndarray, shape (n_terms, 2)
-            Lower and upper ends, in the parameters' units.
-
-        Raises
-        ------
-        ModelError
-            If `level` does not lie between 0 and 1.
+        `level` is the probability that the interval contains the parameter; ModelError unless it is between 0 and 1.
         """
         half = quantile(level, self.model.theta_dof) * self.scale
         return np.column_stack([self.model.theta - half, self.model.theta + half])
@@ -92,19 +79,10 @@ class ThetaPosterior:
         )
 
     def to_arviz(self, rng: np.random.Generator, **options: Any) -> Any:
-        """Return posterior draws as ArviZ data; needs the extra ``bayes``.
+        """Return posterior draws as ArviZ data, an InferenceData or, from ArviZ 1 on, a DataTree; needs ``bayes``.
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Random generator for the draws.
-        **options
-            ``recording``: recording whose one-step predictions and log-likelihood are added; none by default.
-            ``n_chains``: number of chains, 4 by default. ``n_draws``: number of draws in each chain, 500 by default.
-
-        Returns
-        -------
-        arviz.InferenceData, or xarray.DataTree from ArviZ 1 on
+        `rng` draws. The `options` are ``recording``, whose one-step predictions and log-likelihood are added, and
+        ``n_chains`` and ``n_draws``, the numbers of chains, 4, and of draws in each of them, 500 by default.
         """
         return _to_arviz(self, rng, **options)
 

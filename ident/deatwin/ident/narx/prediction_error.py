@@ -10,16 +10,13 @@ from scipy.linalg.lapack import dtbtrs
 
 from deatwin.ident.narx.estimate import Estimate, least_squares
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.ident.narx.terms import Term, TermTable, derivative
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
-# Newton's method, for errors that enter their own recursion nonlinearly, doubles the correct digits in each round; if a
-# dozen rounds do not suffice, the recursion is about to diverge.
-_ROUNDS = 12
+_ROUNDS = 12  # Newton's steps for nonlinear recursions of the errors; one that needs more is about to diverge
 _ROUNDING = 1e-13  # accuracy of the errors, as a share of the output: a few hundred units in the last place
-# Relative accuracy of a sum of squares: a step that changes it by less is neither better nor worse.
-_SQUARE_ROUNDING = 1e-14
+_SQUARE_ROUNDING = 1e-14  # relative accuracy of a sum of squares: a smaller change is neither better nor worse
 _MOST_DAMPED = 1e10  # damping beyond which a step is shorter than rounding
 _HALVINGS = 30
 
@@ -212,7 +209,7 @@ def _bands(data: Regression, table: TermTable, theta: Array, noise: Sequence[Arr
         band = np.zeros((lead + 1, record.n_samples - data.first + lead))
         band[0] = 1.0
         for variable in lags:
-            weights, parts = _derivative(table, theta, variable)
+            parts, weights = derivative(table.terms, theta, variable)
             along = weights @ data.for_scaled(parts).rows(*data.scaled(record), data.first, record.n_samples, e)
             band[variable.lag, lead - variable.lag : band.shape[1] - variable.lag] = along
         bands.append(band)
@@ -242,16 +239,3 @@ def _forgets(band: Array) -> bool:
     with np.errstate(over="ignore", invalid="ignore"):
         end = _filtered([np.ascontiguousarray(band[:, lag:])], passed_on)[:, -lag:]
     return bool(np.all(np.isfinite(end)) and np.abs(np.linalg.eigvals(end)).max() < 1.0)
-
-
-def _derivative(table: TermTable, theta: Array, variable: Variable) -> tuple[Array, TermTable]:
-    """Return coefficients and terms of the derivative of a sum of terms by one lagged signal."""
-    weights, terms = [], []
-    for term, value in zip(table.terms, theta, strict=True):
-        power = dict(term.factors).get(variable, 0)
-        if power:
-            factors = list(term.expanded)
-            factors.remove(variable)
-            weights.append(value * power)
-            terms.append(Term.product(factors))
-    return np.array(weights), TermTable(tuple(terms))

@@ -54,14 +54,8 @@ class PredictiveBand(Described):
         Lower and upper end of the band, in the recording's units.
     level : float
         Probability that the interval at any one time contains a new measurement.
-    measured : ndarray, shape (n_outputs, n)
-        Measured outputs, in the recording's units.
-    timepts : ndarray, shape (n,)
-        Times of the samples on the recording's clock in s.
-    first : int
-        Index of the first predicted sample.
-    units : tuple of str
-        Unit of each output.
+    measured, timepts, first, units
+        As in `NarxResponse`.
     draws : int
         Number of free runs, each with parameters drawn from the posterior; 0 for a one-step prediction.
     diverged : int
@@ -109,8 +103,7 @@ class PredictiveBand(Described):
         axes.plot(self.timepts, self.outputs[output], color="C1", label="model")
         axes.plot(self.timepts, self.measured[output], color="C0", linewidth=0.8, label="measured")
         unit = self.units[output]
-        axes.set_xlabel("time (s)")
-        axes.set_ylabel(axis_label("output", unit))
+        axes.set(xlabel="time (s)", ylabel=axis_label("output", unit))
         axes.legend()
         return axes
 
@@ -171,16 +164,14 @@ def free_run_band(
 
     Parameters
     ----------
-    model : NarxModel
-        Model with its covariance, degrees of freedom and noise variance.
+    model, level
+        As in `one_step_band`.
     recording : Recording
         Inputs and outputs in the model's units; the first ``model.table.max_lag`` outputs start the runs.
     rng : numpy.random.Generator
         Random generator for the draws.
     n_draws : int
         Number of runs.
-    level : float
-        Probability that the band at any one time contains a new measurement, between 0 and 1.
     output_noise : float or array_like of shape (n_outputs,), optional
         Standard deviation of noise on the readings, in the outputs' units, which replaces the noise in the equation.
         After `Grow` or `refine`, use the free-run error on the training data, ``model.simulate(training).rms_error``.

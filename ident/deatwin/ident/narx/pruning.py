@@ -62,10 +62,7 @@ class PruningStep(Described):
         for chosen, style, label in ((kept, "o", "kept"), (~kept, "x", "pruned")):
             axes.plot(self.indices[chosen], self.relevance[chosen], style, markersize=4, label=label)
         axes.axhline(self.threshold, color="0.4", linestyle="--", label="threshold")
-        axes.set_yscale("log")
-        axes.set_xlabel("candidate")
-        axes.set_ylabel("relevance 1/E[α]")
-        axes.set_title(f"{len(self.terms)} terms")
+        axes.set(yscale="log", xlabel="candidate", ylabel="relevance 1/E[α]", title=f"{len(self.terms)} terms")
         axes.legend()
         return axes
 
@@ -87,8 +84,7 @@ def draw_bounds(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
         fillstyle="none",
         label=f"largest: step {steps[best]}, {count} term{'s' if count > 1 else ''}",
     )
-    axes.set_xlabel("pruning step")
-    axes.set_ylabel("lower bound (nats)")
+    axes.set(xlabel="pruning step", ylabel="lower bound (nats)")
     axes.legend()
     return axes
 
@@ -106,9 +102,7 @@ def draw_relevance_paths(path: Sequence[PruningStep], ax: Axes | None = None) ->
         axes.plot(steps, relevance[:, j], label=str(path[0].terms[j]))
     bounds = [step.lower_bound for step in path]
     axes.axvline(int(np.argmax(bounds)) + 1, color="0.4", linestyle="--", label="largest bound")
-    axes.set_yscale("log")
-    axes.set_xlabel("pruning step")
-    axes.set_ylabel("relevance 1/E[α]")
+    axes.set(yscale="log", xlabel="pruning step", ylabel="relevance 1/E[α]")
     axes.set_xlim(0, 1.6 * len(path))  # room for the names beside the paths
     axes.legend(fontsize="small", loc="upper right")
     return axes

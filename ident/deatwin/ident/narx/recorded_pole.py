@@ -8,20 +8,16 @@ from itertools import pairwise
 
 import numpy as np
 
+from deatwin.ident.narx.long_arx import FOR_EACH, RESOLVED, first_samples
 from deatwin.plant.arrays import Array
 from deatwin.plant.recording import Recording
 
 _LAGS = 50
 """Most lags; Akaike's criterion chooses how many are needed. Sensor noise on a fast-sampled plant needs forty."""
-_FOR_EACH = 5  # Least samples per unknown: with fewer, the unknowns take up the residual's variance
-_MOST_SAMPLES = 20_000  # Most samples that are used: more add no certainty, and the regression takes a second
-_RESOLVED = 1e-9
-"""Share of an output below which a residual is rounding: readings have at most nine significant digits."""
 _WIDE = 1.96  # Standard deviations on either side within which 95 % of a normal law lie
+# Growth per sample that no sensible loop holds: the sensitivity of a loop one sample late is at least as large (Seron,
+# Braslavsky & Goodwin, "Fundamental Limitations in Filtering and Control", Springer 1997, section 3.3).
 _FASTEST = 2.0
-"""Growth per sample that no sensible loop holds. A loop responds one sample late at best, and the largest magnitude of
-its sensitivity is at least that growth (Seron, Braslavsky & Goodwin, "Fundamental Limitations in Filtering and
-Control", Springer 1997, section 3.3); above 2 it has hardly any margin."""
 _RARELY_LESS = 0.063  # Standard deviations on either side within which 5 % of a normal law lie
 
 
@@ -47,7 +43,7 @@ def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> Record
     signals = _scaled(recordings)
     n_inputs, n_outputs = len(signals[0][0]), len(signals[0][1])
     n_samples, width = sum(outputs.shape[1] for _, outputs in signals), n_inputs + n_outputs
-    most = min(_LAGS, (n_samples // _FOR_EACH - 1) // (width + len(signals)))
+    most = min(_LAGS, (n_samples // FOR_EACH - 1) // (width + len(signals)))
     signals = [one for one in signals if one[1].shape[1] > most]
     if most < 1 or not signals:
         return None
@@ -56,7 +52,7 @@ def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> Record
     n = columns.shape[1]
     triangle = np.asarray(np.linalg.qr(columns.T, mode="r"), dtype=np.float64)
     tail = triangle[:, -n_outputs:]
-    floor = n * _RESOLVED**2 * np.eye(n_outputs)
+    floor = n * RESOLVED**2 * np.eye(n_outputs)
     left = [tail[k:].T @ tail[k:] + floor for k in range(head, head + most * width + 1, width)]  # with 0, 1, ... lags
     costs = [
         n * np.linalg.slogdet(squares / n)[1] + 2.0 * n_outputs * width * lags for lags, squares in enumerate(left)
@@ -74,11 +70,10 @@ def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> Record
 
 def _scaled(recordings: Sequence[Recording]) -> list[tuple[Array, Array]]:
     """Return moving inputs and all outputs of the first samples, without means and in standard deviations."""
-    share = min(1.0, _MOST_SAMPLES / sum(record.n_samples for record in recordings))
-    ends = [max(1, round(share * record.n_samples)) for record in recordings]
+    beginnings = first_samples(recordings)
     signals = []
     for kind in ("inputs", "outputs"):
-        parts = [getattr(record, kind)[:, :end] for record, end in zip(recordings, ends, strict=True)]
+        parts = [getattr(record, kind) for record in beginnings]
         together = np.concatenate(parts, axis=1)
         spread, moving = together.std(axis=1), np.ptp(together, axis=1) > 0.0
         kept = moving if kind == "inputs" else np.ones_like(moving)
@@ -107,7 +102,7 @@ def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple
         lasted = max(end - begin for begin, end in pairwise([0, *moved.tolist(), outputs.shape[1]]))
         growth = lasted * rate - 0.5 * np.log(np.expm1(2.0 * rate))  # of the root of the sum of squares
         span = np.ptp(outputs, axis=1)
-        if np.any(np.log(np.maximum(_RARELY_LESS * drive, np.finfo(float).tiny)) + growth > np.log(span + _RESOLVED)):
+        if np.any(np.log(np.maximum(_RARELY_LESS * drive, np.finfo(float).tiny)) + growth > np.log(span + RESOLVED)):
             return True
     return False
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.covariance import gram_inverse_root
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import Recordings, flatten
-from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.ident.narx.terms import Term, TermTable, derivative
 from deatwin.ident.narx.variables import argument_of
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
@@ -179,8 +179,8 @@ def _responses(model: NarxModel, recording: Recording, run: Array, table: TermTa
     band = np.zeros((max((v.reach for v in lagged), default=0) + 1, n - first))
     band[0] = 1.0
     for variable in lagged:
-        terms, weights = _derivative(model, variable)
-        slope = weights @ TermTable(terms).rows(*signals, first, n)
+        slopes, weights = derivative(model.terms, model.theta, variable)
+        slope = weights @ slopes.rows(*signals, first, n)
         if variable.shape is not None:
             slope *= variable.shape.slope(
                 argument_of(variable, lambda v, lag: signals[1][v.index, first - lag : n - lag])
@@ -190,18 +190,6 @@ def _responses(model: NarxModel, recording: Recording, run: Array, table: TermTa
             band[variable.reach, : n - first - variable.reach] += slope[variable.reach :]
     solved, _ = dtbtrs(band, table.rows(*signals, first, n).T, uplo="L", diag="U")
     return np.asarray(solved, dtype=np.float64)
-
-
-def _derivative(model: NarxModel, variable: Variable) -> tuple[tuple[Term, ...], Array]:
-    """Return terms and coefficients of the derivative of the model's right side by a variable."""
-    terms, weights = [], []
-    for term, value in zip(model.terms, model.theta, strict=True):
-        factors = list(term.expanded)
-        if variable in factors:
-            weights.append(value * factors.count(variable))
-            factors.remove(variable)
-            terms.append(Term.product(factors))
-    return tuple(terms), np.array(weights)
 
 
 def _run(model: NarxModel, recording: Recording) -> Array:
@@ -308,3 +296,53 @@ def _refined(model: NarxModel, slopes: Array, errors: Array, recordings: tuple[R
         noise_variance=float(one_step @ one_step) / freedom,
         provenance={**model.provenance, "refined": told},
     )
+
+
+def with_correlated_error(model: NarxModel, recordings: Sequence[Recording]) -> NarxModel:
+    """Return a model of least free-run error with the covariance of errors that are correlated in time, (S'S)^-1 S'RS
+    (S'S)^-1: S are the sensitivities, and R is that of the autoregressive process that fits the errors best."""
+    from scipy.linalg import matmul_toeplitz
+
+    slopes = [sensitivities(model, record) for record in recordings]
+    errors = [model.simulate(record).residuals[0] for record in recordings]
+    correlation = autocovariance(errors)
+    joined = np.concatenate(slopes)
+    root = gram_inverse_root(joined)
+    middle = np.zeros((root.shape[1],) * 2)
+    for part in slopes:
+        directions = part @ root  # orthonormal over all recordings
+        middle += directions.T @ matmul_toeplitz(correlation[: len(part)], directions, check_finite=False)
+    samples = len(joined)
+    spread = 0.5 * samples / max(samples - model.theta.size, 1) * (middle + middle.T)
+    return replace(model, theta_cov=root @ spread @ root.T)
+
+
+def autocovariance(errors: Sequence[Array]) -> Array:
+    """Autocovariance, (longest,), of the autoregressive process (Yule, Walker) that Akaike's criterion prefers."""
+    from scipy.linalg import solve_toeplitz
+    from scipy.signal import lfilter
+
+    longest, n = max(e.size for e in errors), sum(e.size for e in errors)
+    most = min(int(10 * np.log10(n)), longest // 4)  # as in `ar` of R and most texts
+    sample = np.array([sum(float(e[lag:] @ e[: e.size - lag]) for e in errors) for lag in range(most + 1)]) / n
+    found = np.zeros(longest)
+    found[0] = sample[0]
+    if sample[0] == 0.0:
+        return found
+    best, chosen = 0.0, np.empty(0)
+    for order in range(1, most + 1):
+        coefficients = solve_toeplitz(sample[:order], sample[1 : order + 1])
+        left = 1.0 - float(coefficients @ sample[1 : order + 1]) / sample[0]
+        if left <= 0.0:
+            break
+        if (criterion := n * np.log(left) + 2 * order) < best:
+            best, chosen = criterion, coefficients
+    order = chosen.size
+    if order == 0:
+        return found
+    found[: order + 1] = sample[: order + 1]
+    # Beyond these lags g(k) = sum_i a_i g(k-i): a filter without input that starts from them.
+    whole = np.concatenate([[1.0], -chosen])
+    state = np.array([chosen[i:] @ sample[order:i:-1][: order - i] for i in range(order)])
+    found[order + 1 :] = lfilter([1.0], whole, np.zeros(longest - order - 1), zi=state)[0]
+    return found

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.narx.drive import order_apart, units_apart
+from deatwin.ident.narx.drive import order_apart, signals_like, units_apart
 from deatwin.ident.narx.lags import channel_lags
 from deatwin.ident.narx.levels import without_repeated_powers
 from deatwin.ident.narx.model import NarxModel
@@ -214,7 +214,6 @@ class Regression:
         record = self.recordings[0]
         noise = np.zeros(len(record.output_names))
         noise[self.output] = noise_variance * self.output_scale**2
-        files = [r.provenance["file"] for r in self.recordings if "file" in r.provenance]
         return NarxModel(
             terms=self.table.terms,
             theta=theta * scale,
@@ -222,19 +221,11 @@ class Regression:
             theta_dof=theta_dof,
             noise_variance=noise if noise.size > 1 else float(noise[0]),
             equations=(self.output,) * len(self.table.terms),
-            sample_time=record.sample_time,
-            input_names=record.input_names,
-            output_names=record.output_names,
-            input_units=record.input_units,
-            output_units=record.output_units,
+            **signals_like(record),
             input_origin=np.zeros(len(record.inputs)) if self.input_origin is None else self.input_origin,
             output_origin=np.zeros(len(record.outputs)) if self.output_origin is None else self.output_origin,
             operating=_operating_range(self.recordings),
-            provenance={
-                "identifier": repr(identifier),
-                "samples": str(self.n_samples),
-                "recordings": ", ".join(files) or str(len(self.recordings)),
-            },
+            provenance=provenance_of(identifier, self.recordings, self.n_samples),
         )
 
 
@@ -253,6 +244,16 @@ def flatten(recordings: Recordings) -> tuple[Recording, ...]:
     if not chosen:
         raise ModelError("no recording was given; at least one is needed")
     return chosen
+
+
+def provenance_of(identifier: object, recordings: Sequence[Recording], samples: int) -> dict[str, str]:
+    """Return who fitted a model to what, for its provenance."""
+    files = [record.provenance["file"] for record in recordings if "file" in record.provenance]
+    return {
+        "identifier": repr(identifier),
+        "samples": str(samples),
+        "recordings": ", ".join(files) or str(len(recordings)),
+    }
 
 
 def require_no_target(y: object) -> None:
@@ -297,22 +298,16 @@ def _operating_range(recordings: tuple[Recording, ...]) -> OperatingRange:
 
 
 def about_data(data: Regression) -> Regression:
-    """Return a regression about origins chosen from the data: the mean of a signal if it exceeds its swing, else
-    zero.
+    """Return a regression about origins chosen from the data: the mean of a signal if it exceeds its swing, else zero.
 
-    About a zero that is nearer, powers lose at most a bit or two per factor; about a distant one, as with kelvin,
-    regressors would be nearly constant. Neither choice depends on the unit. A signal with a function of it keeps its
-    zero, to which the function refers.
+    About a distant zero, as with kelvin, regressors would be nearly constant; about a near one, powers lose a bit or two
+    per factor. A signal with a function of it keeps its zero, to which the function refers.
     """
-    kept = {(v.kind, v.index) for v in data.table.functions}
+    kept = {kind: [v.index for v in data.table.functions if v.kind == kind] for kind in ("u", "y")}
     return replace(
         data,
-        input_origin=_origins(
-            [record.inputs for record in data.recordings], [row for kind, row in kept if kind == "u"]
-        ),
-        output_origin=_origins(
-            [record.outputs for record in data.recordings], [row for kind, row in kept if kind == "y"]
-        ),
+        input_origin=_origins([record.inputs for record in data.recordings], kept["u"]),
+        output_origin=_origins([record.outputs for record in data.recordings], kept["y"]),
     )
 
 
@@ -323,9 +318,8 @@ def about_rest(data: list[Regression], model: NarxModel) -> list[Regression]:
         return data
     swings = np.ptp(np.concatenate([record.outputs for record in data[0].recordings], axis=1), axis=1)
     quiet = [m for m, term in enumerate(model.terms) if all(v.kind == "y" for v, _ in term.factors)]
-    rest = _rest(
-        TermTable(tuple(model.terms[m] for m in quiet)), model.theta[quiet], [model.equations[m] for m in quiet], swings
-    )
+    equations = [model.equations[m] for m in quiet]
+    rest = _rest(TermTable(tuple(model.terms[m] for m in quiet)), model.theta[quiet], equations, swings)
     return data if rest is None else [replace(one, output_origin=model.output_origin + rest) for one in data]
 
 

@@ -18,9 +18,9 @@ from deatwin.plant.recording import Recording
 STATUS_KEY, FAILED_KEY, BIAS_KEY = "residual_tests", "residual_tests_failed", "free_run_gain_error"
 SCARCITY_KEY, FIT_KEY = "samples_per_parameter", "free_run_fit_percent"  # Keys of a model's provenance
 _UNTESTED = "untested"
+# Training samples for each effective parameter: with fewer, by Akaike's final prediction error (n + p)/(n - p), the
+# expected squared error on new data is more than half as large again as on the training data.
 _ENOUGH = 5.0
-"""Training samples for each effective parameter. With fewer, by Akaike's final prediction error (n + p)/(n - p), the
-expected squared error on new data is more than half as large again as on the training data."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,12 +8,10 @@ import numpy as np
 
 from deatwin.plant.arrays import Array
 
+# Largest mean squared difference of a signal from itself a period later, as a share of twice the variance: noise of a
+# seventh of the signal's deviation causes as much.
 _ALIKE = 0.02
-"""Largest mean squared difference of a signal from itself a period later, as a share of twice the variance: noise of a
-seventh of the signal's standard deviation causes as much."""
-_FINER = 8
-"""Shifts per sample: half of one is a tenth of a radian even of a tone of 4 samples, and costs 0.6 % of twice the
-variance."""
+_FINER = 8  # Shifts per sample: half of one costs 0.6 % of twice the variance even of a tone of 4 samples
 
 
 def period_of(values: Array) -> float | None:
@@ -68,18 +66,14 @@ def _repeats(values: Array) -> tuple[float, int] | None:
 
 
 def periods_apart(values: Array, inputs: Array, output: Array, lags: int) -> list[tuple[Array, Array]]:
-    """Separate a record into its repeating part, first, and differences between its blocks of whole periods.
-
-    Helmert's orthonormal matrix gives the mean, and each block minus the mean of the blocks before it; stationary noise
-    keeps its law and is independent in these. The length of the blocks leaves most samples with `lags` before them. A
-    record without repetition, or with a period within the lags, stays whole. Shapes: `values` (n,), `inputs` (n_inputs,
-    n), `output` (n,).
-    """
+    """Separate a record into its repeating part, first, and differences between its blocks of whole periods, by
+    Helmert's orthonormal matrix, which leaves stationary noise independent; a record with no period beyond the lags stays
+    whole. Shapes: `values` (n,), `inputs` (n_inputs, n), `output` (n,)."""
     period = whole_period_of(values) or 0
     if period <= lags:
         return [(inputs, output)]
     lengths = range(period, values.size // 2 + 1, period)
-    length = max(lengths, key=lambda one: (values.size // one - 1) * (one - lags))
+    length = max(lengths, key=lambda one: (values.size // one - 1) * (one - lags))  # most samples with lags before them
     count = values.size // length
     rows = np.vstack([inputs, output])[:, : count * length].reshape(-1, count, length)
     made = [rows.mean(axis=1) * math.sqrt(count)]

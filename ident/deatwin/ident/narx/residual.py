@@ -59,23 +59,9 @@ class Residual:
             )
 
     def draw(self, count: int, draws: int, sample_time: float, rng: np.random.Generator) -> Array:
-        """Draw realisations of the process.
+        """Draw stationary realisations of the process, one per column, shape (count, draws), in the output's unit.
 
-        Parameters
-        ----------
-        count : int
-            Number of samples of each realisation.
-        draws : int
-            Number of realisations.
-        sample_time : float
-            Time between two samples in s.
-        rng : numpy.random.Generator
-            Random generator for the draws.
-
-        Returns
-        -------
-        ndarray, shape (count, draws)
-            Stationary realisations, one per column, in the output's unit.
+        `count` is the number of samples, `draws` that of realisations, `sample_time` is in s, `rng` draws.
         """
         from scipy.signal import lfilter
 
@@ -139,7 +125,8 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
     # White sensor noise is in the covariance at lag 0 only.
     first = _first_lag(covariance)
     coloured = max(float(abs(covariance[first]) if first > 1 else covariance[1]), 0.0)
-    curve = covariance[1:] if first == 1 else _envelope(covariance)
+    envelope = np.maximum.accumulate(np.abs(_short(covariance))[::-1])[::-1]  # the largest at each lag or later
+    curve = covariance[1:] if first == 1 else envelope
     lags = _falls_to(curve, np.exp(-1.0) * coloured)
     variance = min(coloured * np.exp(first / lags), float(covariance[0]))
     return Residual(rms=float(np.sqrt(variance)), correlation_time=lags * model.sample_time)
@@ -155,11 +142,6 @@ def _first_lag(covariance: Array) -> int:
     error = covariance[0] * np.sqrt(2.0 / covariance.size) * norm.isf(_CHANCE / sizes.size)
     largest = int(np.argmax(sizes))
     return largest + 1 if sizes[largest] > max(covariance[1], 0.0) + error else 1
-
-
-def _envelope(covariance: Array) -> Array:
-    """Return the largest covariance at each lag or later, from lag 1 on."""
-    return np.asarray(np.maximum.accumulate(np.abs(_short(covariance))[::-1])[::-1])
 
 
 def _short(covariance: Array) -> Array:

@@ -110,8 +110,7 @@ class CorrelationTest:
             axes.plot(self.lags[chosen], self.values[chosen], "o", color=colour, markersize=3)
         reach = 1.15 * max(1.5 * self.band, float(np.abs(self.values).max()))
         axes.set_ylim(-reach, reach)
-        axes.set_xlabel(r"lag $\tau$ (samples)")
-        axes.set_ylabel(f"${TESTS[self.name]}$")
+        axes.set(xlabel=r"lag $\tau$ (samples)", ylabel=f"${TESTS[self.name]}$")
         chance = f"p = {self.p_value:.2g}" if self.p_value >= _LEAST_SHOWN else f"p < {_LEAST_SHOWN:g}"
         axes.set_title(f"{'passes' if self.passed else 'fails'}, {chance}", loc="right", fontsize="small")
         return axes
@@ -142,15 +141,12 @@ def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
 def correlation_tests(
     residuals: Sequence[Array], inputs: Sequence[Array], *, max_lag: int, level: float
 ) -> tuple[CorrelationTest, ...]:
-    """Test residuals (n_outputs, n_r) of records by correlations with inputs (n_inputs, n_r) (Billings and Voon
-    [1]_).
+    """Test residuals (n_outputs, n_r) of records by correlations with inputs (n_inputs, n_r) (Billings and Voon [1]_).
 
     With residual e, input u without its mean, and ' for a signal without its mean: phi_ee at lags from 1; phi_ue,
-    phi_(u2)'e and phi_(u2)'e2 at lags of both signs; phi_e(eu), of e(k) and e(k-1-tau) u(k-1-tau), at lags 0 to
-    ``max_lag - 1``. The mean of e is kept, because a mean is a fault. With the covariance between lags (Bartlett's
-    formula [3]_), the tests with u test dependence on the input only. Correlations of two skewed signals, such as u^2
-    and e^2, are treated as gamma variables. That law has too light a tail if the residual has more outliers than a
-    normal one, so the p-value of phi_(u2)'e2 is that of the squares' chi-square scores.
+    phi_(u2)'e and phi_(u2)'e2 at lags of both signs; phi_e(eu) at lags 0 to ``max_lag - 1``. The mean of e is kept: it is
+    a fault. Bartlett's covariance between lags [3]_ lets the tests with u test dependence on the input only. The p-value
+    of phi_(u2)'e2 is that of the squares' chi-square scores, because outliers of the residual spoil a gamma law.
     """
     both, later = np.arange(-max_lag, max_lag + 1), np.arange(1, max_lag + 1)
     n_outputs, n_inputs = residuals[0].shape[0], inputs[0].shape[0]
@@ -162,7 +158,7 @@ def correlation_tests(
         for j in range(n_inputs):
             u = _centred(_row(inputs, j))
             u2 = _centred([x**2 for x in u])
-            if not _varies(_row(inputs, j)):
+            if np.ptp(np.concatenate(_row(inputs, j))) == 0.0:
                 continue
             eu = [x * y for x, y in zip(e, u, strict=True)]
             tests.append(_tested("ue", i, j, both, both, u, e, level))
@@ -272,9 +268,8 @@ def _normal_scores(scores: Array, skewness: float) -> Array:
 
 
 def _p_value(scores: Array, spread: Array) -> float:
-    """Return the p-value of normal scores with Toeplitz correlation ``spread``: twice the smaller of the p-values of
-    their sum of squares (Satterthwaite's chi-square) and of the largest one (Sidak [4]_, exact for independent
-    lags)."""
+    """Return the p-value of normal scores with Toeplitz correlation ``spread``: twice the smaller of those of the sum of
+    squares (Satterthwaite's chi-square) and of the largest (Sidak [4]_, exact for independent lags)."""
     from scipy.special import chdtrc, ndtr
 
     count = scores.size
@@ -292,10 +287,6 @@ def _row(signals: Sequence[Array], row: int) -> list[Array]:
 
 def _power(series: Series) -> float:
     return float(sum(x @ x for x in series))
-
-
-def _varies(series: Series) -> bool:
-    return max(float(x.max()) for x in series) > min(float(x.min()) for x in series)
 
 
 def _centred(series: Series) -> list[Array]:

@@ -18,10 +18,7 @@ from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.recording import Recording
 
 DIVERGED = 1e3  # Multiple of the outputs of the training data beyond which a free run has diverged
-# A model without training data has no scale of its own, so that only outputs that cannot be intended count as diverged.
-_DIVERGED_UNTRAINED = 1e9
-
-
+_DIVERGED_UNTRAINED = 1e9  # The same for a model without training data, which has no scale of its own
 _WRITTEN = ("mean_square", "nrmse")
 _TWO_SIDED = 1.96  # 97.5 % quantile of the normal law, for two-sided intervals of 95 %
 
@@ -97,8 +94,7 @@ class NarxResponse(Described):
             axes.plot(self.timepts, measured, label=f"measured{number}")
             axes.plot(self.timepts, computed, label=f"model{number}")
         units = sorted({unit for unit in self.units if unit})
-        axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"output ({', '.join(units)})" if units else "output")
+        axes.set(xlabel="time (s)", ylabel=f"output ({', '.join(units)})" if units else "output")
         axes.legend()
         return axes
 

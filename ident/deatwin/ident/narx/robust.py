@@ -1,10 +1,8 @@
 """Estimate the covariance of parameters from residuals that are neither white nor of constant size.
 
-Where terms leave out physics, parameters scatter more from record to record than least squares says (White,
-Econometrica 50 (1982) 1-25). So a record is cut into blocks longer than what it remembers, and each is left out in turn
-(jackknife: Künsch, Ann. Stat. 17 (1989) 1217-1241). In the order of time the blocks' slowest cosines say whether
-parameters drift (Lazarus, Lewis, Stock, Watson, J. Bus. Econ. Stat. 36 (2018) 541-559: equally weighted cosines, t and
-F laws).
+Where terms leave out physics, parameters scatter more than least squares says (White, Econometrica 50 (1982) 1-25). So
+blocks longer than what a record remembers are left out in turn (jackknife: Künsch, Ann. Stat. 17 (1989) 1217-1241); their
+slowest cosines say whether parameters drift (Lazarus, Lewis, Stock, Watson, J. Bus. Econ. Stat. 36 (2018) 541-559).
 """
 
 from __future__ import annotations

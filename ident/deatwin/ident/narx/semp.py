@@ -18,8 +18,8 @@ from deatwin.ident.narx.semp_search import SempSearch, SempStep
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-# A free run that fails in a single section passes every test over the sections. Whatever they say, the final model's
-# mean squared error is therefore at most this multiple of the smallest of the path: a choice, far beyond chance.
+# Largest mean squared error of the final model, as a multiple of the smallest of the path: a free run that fails in a
+# single section passes every test over the sections.
 _CLEARLY_WORSE = 2.0
 
 
@@ -27,39 +27,31 @@ _CLEARLY_WORSE = 2.0
 class Semp(CandidateSearch):
     """Choose terms by simulation-error minimisation with pruning (SEMP).
 
-    In every step, each candidate x is added to the model M on trial. The parameters are estimated by least squares, and
-    the free run of the enlarged model is simulated. The candidate with the largest simulation error reduction ratio,
-    ``SRR = (MSSE(M) - MSSE(M + x)) / mean(y^2)``, is added to the model; MSSE is the mean squared simulation error.
-    Terms are then pruned as long as the pruned model has a smaller MSSE than the model before the addition.
+    Each step adds the candidate x to the model M whose least-squares fit has the largest simulation error reduction
+    ratio, ``SRR = (MSSE(M) - MSSE(M + x)) / mean(y^2)``; MSSE is the mean squared simulation error. Terms are then pruned
+    as long as the pruned model has a smaller MSSE than the model before the addition.
 
     In noisy recordings, a false term among many candidates often lowers the MSSE more than the true term. Two tests are
     therefore added to the published method; ``level=0.5, significance=None`` switches them off:
 
-    - Simulation errors are compared by a paired t test on their sums over about twenty sections of the recordings.
-      Differences that are not significant at ``level`` are ignored. Of the candidates that are not significantly worse
-      than the best, the one with the smallest one-step error is added, provided that the free run does not become
-      worse.
+    - Simulation errors are compared by a paired t test on their sums over about twenty sections of the recordings. Of
+      the candidates that are not significantly worse than the best, at ``level``, the one with the smallest one-step
+      error is added, provided that the free run does not become worse.
     - A term is a candidate only if it lowers the one-step error significantly (F test at ``significance`` divided by
-      the number of candidates). A term that no longer does so is pruned, provided that the free run does not become
-      worse.
+      the number of candidates). A term that no longer does so is pruned, with the same proviso.
 
     Additions end when no candidate is left, when the model has ``max_terms`` terms, or when the SRR is below
-    ``threshold``. Two further kinds of steps follow, which are not part of the published method either;
-    ``max_exchanges=0`` switches them off:
+    ``threshold``. Two further kinds of steps follow, which are not part of the published method either
+    (``max_exchanges=0`` switches them off). A term is exchanged for a candidate that improves the free run, or that
+    lowers the one-step error without worsening the free run. And the search continues once from the best model of a
+    forward regression (`Frols`) if its MSSE is smaller, which finds resonances, for example.
 
-    - A term is exchanged for a candidate that improves the free run, or for one that lowers the one-step error without
-      worsening the free run.
-    - The search continues once from the best model of a forward regression (`Frols`) if the MSSE of that model is
-      smaller than that of the present model. This finds resonances, for example, which the addition of single terms may
-      miss.
-
-    The result is the model of the last step whose MSSE is at most twice the smallest MSSE of all steps.
-
-    Least squares and the F test are valid for white one-step errors. If these errors are not white, for example because
-    of noise on the readings, the model is extended (single output only, and not with ``max_exchanges=0``). Its
-    parameters are refined to the smallest free-run error, and terms that lower this error are added up to
-    ``max_terms``. The result is the extended model with the smallest free-run error on held-out sections, or one
-    with fewer terms whose error is not significantly larger.
+    The result is the model of the last step whose MSSE is at most twice the smallest MSSE of all steps. If its one-step
+    errors are not white, for example because of noise on the readings, least squares and the F test are not valid. The
+    model is then extended (single output only, and not with ``max_exchanges=0``): its parameters are refined to the
+    smallest free-run error, and terms that lower this error are added up to ``max_terms``. The result is the extended
+    model with the smallest free-run error on held-out sections, or one with fewer terms whose error is not significantly
+    larger.
 
     Parameters
     ----------

@@ -1,14 +1,9 @@
 """A spike-and-slab sampler of structures, as an independent judge of what the variational posterior says.
 
-The model of the regression y = Phi theta + e, e ~ N(0, 1/tau):
-
-- tau ~ Gam(a0, b0), as in the variational posterior;
-- with m of M terms in, p(in) = 1 / ((M + 1) binom(M, m)): every number of terms is alike before the data [1]_;
-- theta_j ~ N(0, n / (i tau phi_j'phi_j)) if in, the information of i samples. One is usual [2]_, but pulls at a
-  parameter with |t| above sqrt(n) and widens all intervals [3]_; so i is a hundredth.
-
-Parameters and noise are integrated out exactly; the set of terms is sampled by heat-bath flips of a random term, and
-draws in which nothing happens are counted by their expected number [4]_.
+In the regression y = Phi theta + e, e ~ N(0, 1/tau), tau ~ Gam(a0, b0) as in the variational posterior, every number of
+terms is alike before the data [1]_, and theta_j ~ N(0, n / (i tau phi_j'phi_j)) if in, the information of i samples. One
+is usual [2]_, but widens all intervals [3]_; i is a hundredth. Parameters and noise are integrated out; the set of terms
+is sampled by heat-bath flips, and draws in which nothing happens are counted by their expected number [4]_.
 
 .. [1] Scott, Berger, Ann. Statist. 38 (2010) 2587-2619, doi:10.1214/10-AOS792.
 .. [2] Kass, Wasserman, J. Am. Stat. Assoc. 90 (1995) 928-934, doi:10.1080/01621459.1995.10476592.

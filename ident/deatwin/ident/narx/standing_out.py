@@ -1,8 +1,7 @@
 """Measure how far the true terms of a regression stand out from false ones, when the truth is known.
 
-Least squares on all candidates shares a record's information among hundreds of parameters, so methods that fit few see
-more. The second margin looks from the true terms: a price per term must be worth paying for each true term, for no
-further one, and for no exchange with a false one; else the truth is not even the best of its neighbours.
+The second margin looks from the true terms: a price per term must be worth paying for each true term, for no further
+one, and for no exchange with a false one; else the truth is not even the best of its neighbours.
 """
 
 from __future__ import annotations

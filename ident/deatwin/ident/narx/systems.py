@@ -26,7 +26,7 @@ class Draw:
     redraws: int  # Number of earlier runs that diverged and were discarded with their input and noise
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class BenchmarkSystem:
     """A NARX or NARMAX system with its input and noise, and the candidates among which it is to be found."""
 
@@ -110,80 +110,56 @@ _BOOK = "W. R. Lacerda Junior, Nonlinear System Identification (SysIdentPy), cha
 _MAO_BILLINGS = {"y(k-2)": -0.5, "y(k-1)u(k-1)": 0.7, "u(k-2)^2": 0.6, "y(k-1)^3": 0.2, "y(k-2)u(k-2)^2": -0.7}
 _BALDACCHINO = {"y(k-1)u(k-1)": 0.7, "y(k-2)": -0.5, "u(k-2)^2": 0.6, "y(k-2)u(k-2)^2": -0.7}
 
-SYSTEMS: Mapping[str, BenchmarkSystem] = MappingProxyType(
-    {
-        system.name: system
-        for system in (
-            BenchmarkSystem(
-                name="S1",
-                equation={"y(k-1)": -1.7, "y(k-2)": -0.8, "u(k-1)": 1.0, "u(k-2)": 0.81},
-                draw_input=_uniform(2.0),
-                noise_std=0.01,
-                source=_BOOK,
-            ),
-            BenchmarkSystem(
-                name="S2",
-                equation={"y(k-1)": 0.8, "u(k-1)": 0.4, "u(k-1)^2": 0.4, "u(k-1)^3": 0.4},
-                draw_input=_normal(0.3),
-                noise_std=0.01,
-                source=_BOOK,
-            ),
-            BenchmarkSystem(
-                name="S3",
-                equation=_MAO_BILLINGS,
-                draw_input=_uniform(1.0),
-                noise_std=0.01,
-                source=f"{_BOOK}; the system of E1",
-            ),
-            BenchmarkSystem(
-                name="S4",
-                equation=_BALDACCHINO,
-                draw_input=_uniform(1.0),
-                noise_std=0.04,
-                source=f"{_BOOK}, there after Baldacchino et al. (2013)",
-            ),
-            BenchmarkSystem(
-                name="S5",
-                equation=_BALDACCHINO | {"e(k-1)": 0.2, "u(k-1)e(k-2)": -0.3},
-                draw_input=_uniform(1.0),
-                noise_std=0.02,
-                source=f"{_BOOK}; S4 with coloured noise",
-            ),
-            BenchmarkSystem(
-                name="S6",
-                equation={"y(k-2)": 0.75, "u(k-1)": 0.25, "y(k-2)u(k-1)": -0.2},
-                draw_input=_normal(0.25),
-                noise_std=0.02,
-                source=f"{_BOOK}; its equation 57 has u(k-2) where its table 12 has u(k-1), which is taken here",
-            ),
-            BenchmarkSystem(
-                name="E0",
-                equation={"y(k-1)": 0.3, "u(k-1)": 0.1, "y(k-1)y(k-2)": 0.4},
-                draw_input=_uniform(5.0),
-                noise_std=0.1,
-                source="W. R. Jacobs, Identification and Frequency Response Analysis with Application to Soft Smart "
-                "Actuators (thesis, Sheffield), section 6.4.2; its input is not known: uniform in ±5 is chosen, so that "
-                "500 samples tell the product of outputs from nothing (|t| about 10; in ±1 it would be 1.4)",
-            ),
-            BenchmarkSystem(
-                name="E1",
-                equation=_MAO_BILLINGS,
-                draw_input=_uniform(1.0),
-                noise_std=0.004**0.5,
-                n_samples=1000,
-                degree=4,
-                source="W. R. Jacobs, thesis as E0, section 6.5.1; locally stable only",
-            ),
-            BenchmarkSystem(
-                name="WK",
-                equation={"y(k-1)": 0.5, "y(k-2)": -0.3, "u(k-2)": 0.1, "u(k-1)u(k-2)": 0.4},
-                draw_input=_noisy_sine,
-                noise_std=0.2,
-                sample_time=0.05,
-                source="R. N. Watanabe, Nonlinear-System-Identification-and-Frequency-Analysis, examples/example.py, with "
-                "u and y exchanged; the input is one sine and a little noise, so that many candidates are nearly collinear",
-            ),
-        )
-    }
+_SYSTEMS = (
+    BenchmarkSystem(
+        "S1", {"y(k-1)": -1.7, "y(k-2)": -0.8, "u(k-1)": 1.0, "u(k-2)": 0.81}, _uniform(2.0), 0.01, source=_BOOK
+    ),
+    BenchmarkSystem(
+        "S2", {"y(k-1)": 0.8, "u(k-1)": 0.4, "u(k-1)^2": 0.4, "u(k-1)^3": 0.4}, _normal(0.3), 0.01, source=_BOOK
+    ),
+    BenchmarkSystem("S3", _MAO_BILLINGS, _uniform(1.0), 0.01, source=f"{_BOOK}; the system of E1"),
+    BenchmarkSystem("S4", _BALDACCHINO, _uniform(1.0), 0.04, source=f"{_BOOK}, there after Baldacchino et al. (2013)"),
+    BenchmarkSystem(
+        "S5",
+        _BALDACCHINO | {"e(k-1)": 0.2, "u(k-1)e(k-2)": -0.3},
+        _uniform(1.0),
+        0.02,
+        source=f"{_BOOK}; S4 with coloured noise",
+    ),
+    BenchmarkSystem(
+        "S6",
+        {"y(k-2)": 0.75, "u(k-1)": 0.25, "y(k-2)u(k-1)": -0.2},
+        _normal(0.25),
+        0.02,
+        source=f"{_BOOK}; its equation 57 has u(k-2) where its table 12 has u(k-1), which is taken here",
+    ),
+    BenchmarkSystem(
+        "E0",
+        {"y(k-1)": 0.3, "u(k-1)": 0.1, "y(k-1)y(k-2)": 0.4},
+        _uniform(5.0),
+        0.1,
+        source="W. R. Jacobs, Identification and Frequency Response Analysis with Application to Soft Smart "
+        "Actuators (thesis, Sheffield), section 6.4.2; its input is not known: uniform in ±5 is chosen, so that "
+        "500 samples tell the product of outputs from nothing (|t| about 10; in ±1 it would be 1.4)",
+    ),
+    BenchmarkSystem(
+        "E1",
+        _MAO_BILLINGS,
+        _uniform(1.0),
+        0.004**0.5,
+        n_samples=1000,
+        degree=4,
+        source="W. R. Jacobs, thesis as E0, section 6.5.1; locally stable only",
+    ),
+    BenchmarkSystem(
+        "WK",
+        {"y(k-1)": 0.5, "y(k-2)": -0.3, "u(k-2)": 0.1, "u(k-1)u(k-2)": 0.4},
+        _noisy_sine,
+        0.2,
+        sample_time=0.05,
+        source="R. N. Watanabe, Nonlinear-System-Identification-and-Frequency-Analysis, examples/example.py, with "
+        "u and y exchanged; the input is one sine and a little noise, so that many candidates are nearly collinear",
+    ),
 )
+SYSTEMS: Mapping[str, BenchmarkSystem] = MappingProxyType({system.name: system for system in _SYSTEMS})
 """Benchmark systems by name."""

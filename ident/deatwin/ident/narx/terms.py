@@ -1,8 +1,7 @@
 """Polynomial NARMAX terms: written, parsed, generated, and evaluated as regressors.
 
-A term is a product of lagged outputs, inputs and noise, written as in the literature: ``y(k-1)u(k-2)^2`` or
-``u(k-1)e(k-2)``; with several channels ``y1(k-1)u3(k-2)^2``; the constant term is ``1``. Factors may also be functions
-of an output or input, as ``|u(k-1)|`` or ``sat(y(k-1),0.5)``; see `deatwin.ident.narx.shapes`.
+A term is a product of lagged outputs, inputs and noise, written as ``y(k-1)u(k-2)^2``, with several channels as
+``y1(k-1)u3(k-2)^2``; the constant is ``1``. Factors may be functions of a signal; see `deatwin.ident.narx.shapes`.
 """
 
 from __future__ import annotations
@@ -52,20 +51,10 @@ class Term:
 
     @classmethod
     def parse(cls, text: str, *, input_names: Sequence[str] = (), output_names: Sequence[str] = ()) -> Term:
-        """Read a term from its written form.
+        """Read a term from its written form `text`, such as ``y(k-1)u(k-2)^2``; spaces and ``*`` are allowed.
 
-        Parameters
-        ----------
-        text : str
-            Written term, such as ``y(k-1)u(k-2)^2``; spaces and ``*`` between factors are allowed.
-        input_names, output_names : sequence of str, optional
-            Names that the text may use for the signals, besides u1, y1 and so on. A name given here takes precedence
-            over u1, y1 and so on.
-
-        Raises
-        ------
-        ModelError
-            If the text is not a term, or names a signal that does not exist.
+        `input_names` and `output_names` are names that the text may use for the signals; they take precedence over u1,
+        y1 and so on. ModelError if the text is not a term, or names a signal that does not exist.
         """
         if not isinstance(text, str):
             raise ModelError(f"a term must be text such as y(k-1)u(k-2)^2; got {kind_of(text)}")
@@ -102,6 +91,13 @@ class Term:
 
     def __str__(self) -> str:
         return self.written({})
+
+
+def without(term: Term, variable: Variable) -> Term:
+    """Return a term without one factor."""
+    factors = list(term.expanded)
+    factors.remove(variable)
+    return Term.product(factors)
 
 
 def require_terms(given: object, name: str, example: str, least: int = 0) -> None:
@@ -265,28 +261,10 @@ class TermTable:
         return tuple(plan)
 
     def rows(self, inputs: Array, outputs: Array, start: int, stop: int, noise: Array | None = None) -> Array:
-        """Evaluate all terms over a stretch of samples.
+        """Evaluate all terms over the samples [start:stop) of one recording, in the units of the model's parameters.
 
-        Parameters
-        ----------
-        inputs : ndarray, shape (n_inputs, n)
-            Inputs of one recording, in the units to which the model's parameters refer.
-        outputs : ndarray, shape (n_outputs, n)
-            Outputs of one recording, in the units to which the model's parameters refer.
-        start, stop : int
-            Samples [start:stop) of the recording; ``start`` must be at least ``max_lag``.
-        noise : ndarray, shape (n_outputs, n), optional
-            Noise of the outputs, in their units; needed if terms contain noise.
-
-        Returns
-        -------
-        ndarray, shape (n_terms, stop - start)
-            Transposed regressor matrix, with one row for each term.
-
-        Raises
-        ------
-        ModelError
-            If terms contain noise and `noise` is not given.
+        `inputs` has the shape (n_inputs, n), `outputs` and `noise` (n_outputs, n); `start` must be at least ``max_lag``.
+        Returns the transposed regressors, (n_terms, stop - start); ModelError if terms need a noise that is not given.
         """
         signal = {"y": outputs, "u": inputs, "e": noise}
         if noise is None and self.channels("e"):
@@ -312,3 +290,10 @@ class TermTable:
     def at(self, values: Array) -> Array:
         """Evaluate all terms for one value of each variable. Shapes: `values` (n_variables,), returns (n_terms,)."""
         return np.asarray(np.prod(values**self.exponents, axis=1), dtype=np.float64)
+
+
+def derivative(terms: Sequence[Term], theta: Array, variable: Variable) -> tuple[TermTable, Array]:
+    """Return terms and coefficients of the derivative of a sum of terms by a variable. Shapes: `theta` (n_terms,)."""
+    powers = [dict(term.factors).get(variable, 0) for term in terms]
+    held = [m for m, power in enumerate(powers) if power]
+    return TermTable(tuple(without(terms[m], variable) for m in held)), np.array([theta[m] * powers[m] for m in held])

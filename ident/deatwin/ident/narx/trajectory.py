@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.narx.document import fields_of, to_document
 from deatwin.ident.narx.model import NarxModel, require_model
+from deatwin.ident.narx.posterior import quantile
 from deatwin.ident.narx.response import NarxResponse
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.arrays import Array
@@ -23,8 +24,6 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 SCHEMA = "deatwin/theta/1"
-
-_QUANTILE = 1.959963984540054  # 97.5 % quantile of the normal law
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,18 +84,9 @@ class ThetaTrajectory(
 
     @classmethod
     def joined(cls, parts: Sequence[ThetaTrajectory]) -> Self:
-        """Combine the trajectories of several outputs into one.
+        """Combine trajectories of each output's equation, `parts` in the order of the outputs, at their common times.
 
-        Parameters
-        ----------
-        parts : sequence of ThetaTrajectory
-            Trajectory of each output's equation, in the order of the outputs. Only the times common to all are kept.
-            Parameters of different outputs are taken as uncorrelated.
-
-        Raises
-        ------
-        ModelError
-            If the number of trajectories differs from the number of outputs.
+        Parameters of different outputs are taken as uncorrelated. ModelError unless there is one for each output.
         """
         times = parts[0].timepts
         for part in parts[1:]:
@@ -128,10 +118,7 @@ class ThetaTrajectory(
         return read_only(np.sqrt(np.einsum("kii->ik", self.theta_cov)))
 
     def at(self, time: float) -> NarxModel:
-        """Return the model at the sample nearest to `time`, in s on the experiment's clock.
-
-        Raises ModelError if `time` lies outside the trajectory.
-        """
+        """Return the model at the sample nearest to `time`, s on the experiment's clock; ModelError if it is outside."""
         k = int(self._nearest(np.array([time]))[0])
         return replace(self.model, theta=self.theta[:, k], theta_cov=self.theta_cov[k])
 
@@ -141,24 +128,19 @@ class ThetaTrajectory(
         return replace(self, timepts=self.timepts[kept], theta=self.theta[:, kept], theta_cov=self.theta_cov[kept])
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict `steps` samples ahead with the parameters at each time, as `NarxModel.predict` does.
-
-        Raises ModelError if the times of `recording` exceed those of the trajectory.
-        """
+        """Predict `steps` ahead as `NarxModel.predict`; ModelError if the times of `recording` exceed the trajectory's."""
         return self._driven.predict(self._with_theta(recording), steps=steps)
 
     def simulate(self, recording: Recording) -> NarxResponse:
-        """Simulate in free run with the parameters at each time, as `NarxModel.simulate` does.
-
-        Raises ModelError if the times of `recording` exceed those of the trajectory.
-        """
+        """Simulate as `NarxModel.simulate`; ModelError if the times of `recording` exceed those of the trajectory."""
         return self._driven.simulate(self._with_theta(recording))
 
     def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
         """Draw each parameter over time with its 95 % band, on `axes` or new ones; ModelError for too few axes."""
         panels = panels_or_new(axes, len(self.terms), height=1.4, sharex=True)
         for ax, term, theta, std in zip(panels, self.terms, self.theta, self.std, strict=True):
-            half = _QUANTILE * std
+            half = quantile(0.95, np.inf) * std
+
             ax.fill_between(self.timepts, theta - half, theta + half, color="C0", alpha=0.25, linewidth=0)
             ax.plot(self.timepts, theta, color="C0", linewidth=1.2)
             ax.set_title(str(term), loc="left", fontsize="small")

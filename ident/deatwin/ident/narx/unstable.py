@@ -96,7 +96,8 @@ Recorded = Callable[[], RecordedPole | None]
 
 def recorded_once(model: NarxModel, recordings: Sequence[Recording]) -> Recorded:
     """Return a function that computes the recordings' pole when it is first needed, and caches it."""
-    return cache(partial(recorded_pole, recordings, _first_lag(model)))
+    lags = [v.lag for term in model.terms for v, _ in term.factors if v.kind == "u"]
+    return cache(partial(recorded_pole, recordings, 0 if 0 in lags else 1))
 
 
 def stable_model_of_unstable(model: NarxModel, recordings: Sequence[Recording], recorded: Recorded) -> str:
@@ -120,11 +121,6 @@ def _surely_outside(found: RecordedPole, recordings: Sequence[Recording]) -> boo
     """Return whether recordings certainly have an unstable pole that grows by e within the longest of them."""
     longest = max(record.n_samples for record in recordings)
     return abs(found.pole) - max(_SURER * found.deviation, 1.0 / longest) > 1.0
-
-
-def _first_lag(model: NarxModel) -> int:
-    """Return 0 if an input of the model acts within the sample, else 1."""
-    return min((v.lag for term in model.terms for v, _ in term.factors if v.kind == "u"), default=1) and 1
 
 
 def _written(pole: complex, sample_time: float) -> str:

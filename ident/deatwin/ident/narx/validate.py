@@ -186,21 +186,10 @@ class Validation(
         return ValidationStatus.NOISE if self.failed else ValidationStatus.PASSED
 
     def test(self, name: str, *, output: int = 0, other: int = 0) -> CorrelationTest:
-        """Return one of the correlation tests.
+        """Return the test `name`: "ee", "ue", "e(eu)", "(u2)'e", "(u2)'e2", or "ee'" between two outputs.
 
-        Parameters
-        ----------
-        name : str
-            Name of the test: "ee", "ue", "e(eu)", "(u2)'e", "(u2)'e2", or "ee'" between two outputs.
-        output : int
-            Row index of the output.
-        other : int
-            Row index of the input or of the other output; ignored for "ee".
-
-        Raises
-        ------
-        ModelError
-            If there is no such test, for example because the name is unknown or the input is constant.
+        `output` is the row index of the output, and `other` that of the input or of the other output, ignored for "ee".
+        ModelError if there is no such test, for example because the input is constant.
         """
         for test in self.tests:
             if (test.name, test.output) == (name, output) and test.other in (None, other):
@@ -212,24 +201,9 @@ class Validation(
         )
 
     def plot(self, axes: Sequence[Axes] | None = None, *, output: int = 0, input: int = 0) -> list[Axes]:
-        """Draw the five correlation tests of one output and one input, each with its 95 % band.
+        """Draw the correlation tests of an output and an input, given by row: five, or fewer if the input is constant.
 
-        Parameters
-        ----------
-        axes : sequence of matplotlib Axes, length 5, optional
-            Axes to draw on; a new figure is made if omitted.
-        output, input : int
-            Row indices of the output and the input.
-
-        Returns
-        -------
-        list of matplotlib Axes
-            Axes of the tests: five, or fewer if the input is constant.
-
-        Raises
-        ------
-        ModelError
-            If there are not as many axes as tests.
+        Each has its 95 % band. `axes` are the axes to draw on, new ones if omitted; ModelError if they are too few.
         """
         drawn = [t for t in self.tests if t.output == output and t.name != "ee'" and t.other in (None, input)]
         panels = panels_or_new(axes, len(drawn), height=1.8)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -54,35 +54,11 @@ class KnownSystem:
 
 def recorded(truth: ThetaTrajectory, inputs: Array, noise: Array) -> Recording:
     """Record a system whose noise is part of the equation. Shapes: `inputs`, `noise` (n,)."""
-    model, n = truth.model, inputs.size
-    m = len(model.terms)
-    disturbed = replace(
-        truth,
-        model=replace(
-            model,
-            terms=(*model.terms, Term.parse("u2(k)")),
-            theta=np.append(model.theta, 1.0),
-            equations=(),
-            theta_cov=np.zeros((m + 1, m + 1)),
-            input_names=("input", "noise"),
-            input_units=("", ""),
-            input_origin=np.append(model.input_origin, 0.0),
-        ),
-        theta=np.vstack([truth.theta, np.ones(n)]),
-        theta_cov=np.zeros((n, m + 1, m + 1)),
-        drift_variance=np.zeros(m + 1),
-    )
-    step = truth.model.sample_time
-    start = float(truth.timepts[0])
-    driven = Recording.from_arrays(
-        np.stack([inputs, noise]),
-        np.zeros(n),
-        step,
-        start=start,
-        input_names=("input", "noise"),
-        output_names=("output",),
-    )
+    step, start = truth.model.sample_time, float(truth.timepts[0])
+    disturbed = _exact([*map(str, truth.terms), "u2(k)"], truth.timepts, np.vstack([truth.theta, np.ones(inputs.size)]))
+    driven = Recording.from_arrays(np.stack([inputs, noise]), np.zeros(inputs.size), step, start=start)
     run = disturbed.simulate(driven)
+
     return Recording.from_arrays(
         inputs, run.outputs, step, start=start, input_names=("input",), output_names=("output",)
     )

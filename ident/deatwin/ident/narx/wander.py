@@ -1,7 +1,7 @@
 """Estimate time-varying parameters of an actuator; how much they may vary is chosen on held-out samples.
 
-A walk of likeliest variances follows whatever the structure does not hold, hysteresis first of all: it reproduces the
-record that it was fitted to, and is of no use beside it. So the wander is chosen, and judged, on blocks left out.
+A walk of likeliest variances follows whatever the structure lacks, and reproduces only the record that it was fitted to.
+So the wander is chosen, and judged, on blocks left out.
 """
 
 from __future__ import annotations
@@ -19,14 +19,12 @@ from deatwin.plant.arrays import Array, root_mean_square
 
 Structure = tuple[Term, ...]
 Recordings = Sequence[Recording]
-BLOCK = 20.0
-"""Length of a block of the record, s: some twenty correlation times of a reading, and a hundredth of the time of the
-slowest histories."""
+BLOCK = 20.0  # Length of a block of the record, s: some twenty correlation times, a hundredth of the slowest histories'
 CYCLE = 4  # Blocks in a cycle, of which one is for choosing and one for judging
 CHOOSING, JUDGING = 2, 0
 SHARES = (0.003, 0.01, 0.03, 0.1, 0.3)
-"""Shares of the reading's standard deviation by which the contribution of each term may wander over the whole
-record."""
+"""Shares of the reading's standard deviation by which each term's contribution may wander over the whole record."""
+
 CONSTANT, REFINED, VARYING, LIKELIEST = "constant", "constant, least free-run error", "varying", "varying, likeliest"
 PAST = 5  # Blocks before the first forecast
 KEPT_EVERY = 1.0  # Interval at which a trajectory is kept, s

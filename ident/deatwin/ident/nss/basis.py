@@ -51,12 +51,8 @@ class Basis:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of states, inputs and directions."""
-        inputs = ["u"] if self.inputs == 1 else [f"u{i}" for i in range(1, self.inputs + 1)]
-        states, directions = (
-            [f"{letter}{i}" for i in range(1, count + 1)]
-            for letter, count in (("x", self.states), ("s", self.directions))
-        )
-        return (*states, *inputs, *directions)
+        inputs = ["u"] if self.inputs == 1 else numbered("u", self.inputs)
+        return (*numbered("x", self.states), *inputs, *numbered("s", self.directions))
 
     @property
     def linear(self) -> int:
@@ -144,13 +140,13 @@ class Basis:
         kinds = [-1 if factor.shape is None else SOURCES.index(factor.shape.name) for factor in factors]
         whole = [[factor.variable, factor.power, kind] for factor, kind in zip(factors, kinds, strict=True)]
         numbers = [(*(() if factor.shape is None else factor.shape.parameters), 0.0, 0.0)[:2] for factor in factors]
-        starts = np.cumsum([0, *map(len, self.terms)])
-        return (
-            starts.astype(np.int64),
-            np.array(whole, dtype=np.int64),
-            np.array(numbers, dtype=np.float64),
-            self.levels,
-        )
+        starts = np.cumsum([0, *map(len, self.terms)]).astype(np.int64)
+        return starts, np.array(whole, dtype=np.int64), np.array(numbers, dtype=np.float64), self.levels
+
+
+def numbered(letter: str, count: int) -> list[str]:
+    """Return names such as x1, x2."""
+    return [f"{letter}{i}" for i in range(1, count + 1)]
 
 
 def monomials(names: Sequence[str], degrees: Iterable[int]) -> tuple[str, ...]:

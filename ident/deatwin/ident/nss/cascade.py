@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.nss.basis import Basis
+from deatwin.ident.nss.basis import Basis, numbered
 from deatwin.ident.nss.identifier import StateSpaceIdentifier
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.search import Point, Record, search
@@ -67,20 +67,8 @@ class Cascade(StateSpaceIdentifier):
     model_ : NonlinearStateSpace
         The identified model. Its `directions`, the weighted sums to which the static functions are applied, are the
         signals between the blocks.
-    status_ : FitStatus
-        Outcome. ``DONE``: the gradient of the error over all samples is small. ``INTERRUPTED``: the fit was ended by
-        Ctrl-C. ``HELD_OUT``: the held-out error stopped falling, so the fit deliberately ended before the minimum.
-        ``NOT_CONVERGED``: the fit reached `max_steps`, or no further step lowered the error.
-    linear_error_ : ndarray, shape (1,)
-        Rms free-run error of the initial linear model over all samples, in the output's unit.
-    error_ : ndarray, shape (1,)
-        Rms free-run error of ``model_`` over all samples, in the output's unit.
-    held_out_error_ : ndarray, shape (1,)
-        Rms free-run error on the held-out samples, in the output's unit, before the model is refitted to all samples;
-        NaN if no samples are held out.
-    first_states_ : ndarray, shape (n_recordings, n_states)
-        State of the model at the first sample of each recording: the argument ``initial`` of
-        `NonlinearStateSpace.simulate`.
+    status_, linear_error_, error_, held_out_error_, first_states_
+        As in `StateSpaceIdentifier`.
 
     References
     ----------
@@ -94,10 +82,6 @@ class Cascade(StateSpaceIdentifier):
     feedthrough: bool = True
     held_out: float = 0.2
     max_steps: int = 100
-
-    @property
-    def _order(self) -> int:
-        return self.states
 
     def _require(self) -> None:
         self._require_whole("states")
@@ -136,7 +120,7 @@ class Cascade(StateSpaceIdentifier):
         written = [*(self._of("u") if before else []), *(["s1"] if before else [])]
         written += [leaving, *self._of(leaving)] if behind else []
         made = _Weights(Basis(len(a), 1, before + behind, tuple(written)), 1)
-        states = [f"x{i}" for i in range(1, 1 + len(a))]
+        states = numbered("x", len(a))
         if before:
             made.put("directions", 0, ["u"], [1.0], free=False)
             made.put("directions", 0, self._of("u"))
@@ -182,7 +166,7 @@ class Cascade(StateSpaceIdentifier):
         size = float(np.sqrt(np.mean(np.concatenate(run) ** 2)))
         (a1, b1, c1, d1), (a2, b2, c2, d2) = zpk2ss(*front, 1.0 / size), zpk2ss(*behind, gain * size)
         n1, n2 = len(a1), len(a2)
-        states = [f"x{i}" for i in range(1, 1 + n1 + n2)]
+        states = numbered("x", n1 + n2)
         made = _Weights(Basis(n1 + n2, 1, 2, ("s1", *self._of("s1"), "s2")), 1)
         for row in range(n1):
             made.put("transition", row, [*states[:n1], "u"], [*a1[row], b1[row, 0]])
@@ -226,10 +210,7 @@ class _Weights:
 
 
 def _partings(roots: Roots) -> Iterator[tuple[Roots, Roots]]:
-    """Yield all divisions of roots between two blocks.
-
-    A conjugate pair is also divided into two real roots, because noise makes a pair of two that are nearly equal.
-    """
+    """Yield all divisions of roots between two blocks; a pair also as two real roots, of which noise may make a pair."""
     none = np.zeros(0, dtype=np.complex128)
     choices = []
     for root in roots[roots.imag > -_REAL]:

@@ -12,8 +12,9 @@ import numpy as np
 from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.look.best_linear import best_linear_approximation
 from deatwin.ident.narx.converged import converged
+from deatwin.ident.narx.drive import signals_like
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
-from deatwin.ident.narx.regression import Recordings, flatten, require_alike, require_no_target
+from deatwin.ident.narx.regression import Recordings, flatten, provenance_of, require_alike, require_no_target
 from deatwin.ident.nss.document import weights_of
 from deatwin.ident.nss.linear_start import Lines, in_own_coordinates, linear_start
 from deatwin.ident.nss.model import NonlinearStateSpace
@@ -23,9 +24,7 @@ from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
 _LINEAR_STEPS = 25  # Steps of the linear start, which need not converge to the last digit
-_PATIENCE = 20
-"""Steps without a lower held-out error after which a search ends: on the way to a better valley it may rise for
-some."""
+_PATIENCE = 20  # Steps without a lower held-out error after which a search ends: it may rise before a better valley
 
 
 class StateSpaceIdentifier(Identifier):
@@ -54,14 +53,10 @@ class StateSpaceIdentifier(Identifier):
     model_: NonlinearStateSpace
     first_states_: Array
     status_: FitStatus
+    states: int
     feedthrough: bool
     held_out: float
     max_steps: int
-
-    @property
-    @abstractmethod
-    def _order(self) -> int:
-        """Number of states."""
 
     @abstractmethod
     def _begun(self, linear: Point, records: Sequence[Record]) -> list[Point]:
@@ -88,7 +83,7 @@ class StateSpaceIdentifier(Identifier):
             sides, records = _scaled(chosen, self.held_out, self._needed(chosen[0]))
             told(0.0, "a linear state space")
             found = linear_start(
-                records, self._order, lines=_lines(chosen, sides), steps=_LINEAR_STEPS, feedthrough=self.feedthrough
+                records, self.states, lines=_lines(chosen, sides), steps=_LINEAR_STEPS, feedthrough=self.feedthrough
             )
             whole = all_fitted(records)
             self.linear_error_ = _errors(found.point, whole)[0] * sides["output"][1]
@@ -223,25 +218,16 @@ def _model(
 ) -> NonlinearStateSpace:
     """Return the model with its covariance; `rows` is the `triangle` at the point."""
     cov, noise = covariance(point, rows, records)
-    first, system = recordings[0], point.system
-    files = [record.provenance["file"] for record in recordings if "file" in record.provenance]
+    system = point.system
     return NonlinearStateSpace(
         terms=system.basis.written,
         **weights_of(system),
         theta_cov=cov,
         noise_variance=noise * sides["output"][1] ** 2,
-        sample_time=first.sample_time,
-        input_names=first.input_names,
-        output_names=first.output_names,
-        input_units=first.input_units,
-        output_units=first.output_units,
+        **signals_like(recordings[0]),
         input_origin=sides["input"][0],
         input_scale=sides["input"][1],
         output_origin=sides["output"][0],
         output_scale=sides["output"][1],
-        provenance={
-            "identifier": repr(identifier),
-            "samples": str(sum(record.n_samples for record in recordings)),
-            "recordings": ", ".join(files) or str(len(recordings)),
-        },
+        provenance=provenance_of(identifier, recordings, sum(record.n_samples for record in recordings)),
     )

@@ -18,7 +18,7 @@ from deatwin.plant.errors import ModelError
 Lines = tuple[NDArray[np.complex128], Array, Array]
 
 _ROWS = (1.5, 3.0, 6.0)
-"""Block rows per state: few suit fast poles, many suit slow ones; those with the smallest free-run error are kept."""
+"""Block rows per state: few suit fast poles, many slow ones; those with the smallest free-run error are kept."""
 _LONGEST = 20_000  # Samples of a record that the subspace method uses; all samples are fitted afterwards
 
 
@@ -81,9 +81,9 @@ def in_own_coordinates(point: Point, records: Sequence[Record]) -> Point:
         block = block @ (a - np.eye(n))
     chosen: list[Array] = []
     for row in rows:
-        if len(chosen) < n and np.linalg.matrix_rank(np.array([*chosen, row]), tol=1e-9 * np.linalg.norm(row)) > len(
-            chosen
-        ):
+        if len(chosen) == n:
+            break
+        if np.linalg.matrix_rank(np.array([*chosen, row]), tol=1e-9 * np.linalg.norm(row)) > len(chosen):
             chosen.append(row)
     if len(chosen) < n:
         chosen = list(np.eye(n))

@@ -1,8 +1,7 @@
 """The run of a nonlinear state space over a record, with its sensitivities to all weights and to the first state.
 
-x(k+1) = W phi(k), y(k) = V phi(k), with the regressors phi of states, inputs and directions s(k) = P phi(k). A
-direction may use the constant, states, inputs, terms and earlier directions, not later ones.
-The march is a small C kernel where a C compiler is found, and Python elsewhere or where a function is the user's own.
+x(k+1) = W phi(k), y(k) = V phi(k), with the regressors phi of states, inputs and directions s(k) = P phi(k). The march
+is a small C kernel, and Python where there is no C compiler, or a function is the user's own.
 """
 
 from __future__ import annotations
@@ -12,12 +11,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.free_run import ArrayPointer
 from deatwin.ident.narx.shapes import switch_source
 from deatwin.ident.nss.basis import Basis
+from deatwin.ident.nss.document import WEIGHTS
 from deatwin.plant.arrays import Array
 from deatwin.plant.integrator.compiled import compile_source, compiler
 
@@ -39,23 +41,12 @@ class System:
     @classmethod
     def of(cls, basis: Basis, weights: Mapping[str, Array], free: Mapping[str, Mask]) -> System:
         """Return the system for given weights and masks of free weights, by the names of the fields."""
-        return cls(
-            basis=basis,
-            directions=weights["directions"],
-            transition=weights["transition"],
-            output=weights["output"],
-            free_directions=free["directions"],
-            free_transition=free["transition"],
-            free_output=free["output"],
-        )
+        fields: dict[str, Any] = {**weights, **{f"free_{name}": mask for name, mask in free.items()}}
+        return cls(basis=basis, **fields)
 
     @cached_property
     def _pairs(self) -> tuple[tuple[Array, Mask], ...]:
-        return (
-            (self.directions, self.free_directions),
-            (self.transition, self.free_transition),
-            (self.output, self.free_output),
-        )
+        return tuple((getattr(self, name), getattr(self, f"free_{name}")) for name in WEIGHTS)
 
     @property
     def theta(self) -> Array:
@@ -76,12 +67,8 @@ class System:
         """A, B, C, D: the weights of states and inputs."""
         n = self.basis.states
         states, inputs = slice(1, 1 + n), slice(1 + n, self.basis.linear)
-        return (
-            self.transition[:, states],
-            self.transition[:, inputs],
-            self.output[:, states],
-            self.output[:, inputs],
-        )
+        w, v = self.transition, self.output
+        return w[:, states], w[:, inputs], v[:, states], v[:, inputs]
 
     def run(
         self, inputs: Array, start: Array, *, limit: float = np.inf, sensitive: bool = False
@@ -103,11 +90,8 @@ class System:
             *(array.ctypes.data for array in held),
             limit if np.isfinite(limit) else np.finfo(float).max,
         )
-        u, x, work = np.ascontiguousarray(inputs.T), np.array(start, dtype=np.float64), self._work()
-        given = None if gradient is None else gradient.ctypes.data
-        reached = kernel.deatwin_states(
-            ctypes.byref(described), n, u.ctypes.data, x.ctypes.data, outputs.ctypes.data, given, work.ctypes.data
-        )
+        u, x = np.ascontiguousarray(inputs.T), np.array(start, dtype=np.float64)
+        reached = kernel.deatwin_states(ctypes.byref(described), n, u, x, outputs, gradient, self._work())
         return outputs, gradient, int(reached)
 
     def sensitivities(self, inputs: Array, start: Array) -> tuple[Array, Array]:
@@ -186,11 +170,10 @@ class _Tables(ctypes.Structure):
 @lru_cache(maxsize=4)
 def _kernel(_program: str | None) -> ctypes.CDLL | None:
     """Return the compiled kernel, or None if there is no compiler."""
-    source = Path(__file__).with_suffix(".c").read_text(encoding="utf-8")
-    library = compile_source(switch_source() + source)
+    library = compile_source(switch_source() + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
     if library is None:
         return None
     kernel = ctypes.CDLL(str(library))
     kernel.deatwin_states.restype = ctypes.c_int64
-    kernel.deatwin_states.argtypes = (ctypes.c_void_p, ctypes.c_int64, *(ctypes.c_void_p,) * 5)
+    kernel.deatwin_states.argtypes = (ctypes.c_void_p, ctypes.c_int64, *(ArrayPointer,) * 5)
     return kernel

@@ -18,7 +18,7 @@ from deatwin.ident.narx.predictive import PredictiveBand
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
 from deatwin.ident.narx.shapes import own_functions, rebuilt
 from deatwin.ident.narx.values import set_covariance, set_signals
-from deatwin.ident.nss.basis import Basis
+from deatwin.ident.nss.basis import Basis, numbered
 from deatwin.ident.nss.document import SCHEMA, WEIGHTS, fields_of, to_document, weights_of
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.opening import Opening, opened
@@ -27,9 +27,7 @@ from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-_WARMUP_PER_STATE = 10
-"""Samples per state from which the first state is estimated, as for a linear model: its noise falls with the square
-root of their number."""
+_WARMUP_PER_STATE = 10  # Samples from which the first state is estimated: its noise falls with their square root
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,8 +50,8 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         Matrix V, with columns in the same order.
     directions : array_like, shape (n_directions, n_regressors), optional
         Matrix P, with columns in the same order; no directions if omitted.
-    sample_time : float
-        Sampling interval in s.
+    sample_time, input_names, output_names, input_units, output_units, provenance
+        As in `NarxModel`; all but the first are optional.
     free_directions, free_transition, free_output : array_like of bool, optional
         True for each weight of P, W and V that was estimated (a free weight); all are free if omitted.
     theta_cov : array_like, shape (n_theta, n_theta), optional
@@ -62,12 +60,8 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         variance.
     noise_variance : array_like, shape (n_outputs,), optional
         Variance of the noise e, in the squared units of the outputs; zero if omitted.
-    input_names, output_names, input_units, output_units : sequence of str, optional
-        Names and units of the signals.
     input_origin, input_scale, output_origin, output_scale : array_like, optional
         Origins and scales of the signals, in their units; 0 and 1 if omitted.
-    provenance : mapping of str to str
-        Notes on the origin of the model, such as the identifier and the recordings.
 
     Raises
     ------
@@ -145,7 +139,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     def _take_signals(self, counts: Mapping[str, int]) -> None:
         """Complete and check the descriptions of inputs and outputs."""
         for side, count in counts.items():
-            names = (side,) if count == 1 else tuple(f"{side}{i}" for i in range(1, count + 1))
+            names = (side,) if count == 1 else tuple(numbered(side, count))
             filled = {"names": names, "units": ("",) * count}
             for key, default in filled.items():
                 object.__setattr__(self, f"{side}_{key}", texts(getattr(self, f"{side}_{key}")) or default)
@@ -193,9 +187,9 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     def __str__(self) -> str:
         labels = self.system.basis.labels
         names = (
-            [f"s{i}(k)" for i in range(1, 1 + len(self.directions))],
-            [f"x{i}(k+1)" for i in range(1, 1 + self.n_states)],
-            ["y(k)"] if len(self.output) == 1 else [f"y{i}(k)" for i in range(1, 1 + len(self.output))],
+            [f"{name}(k)" for name in numbered("s", len(self.directions))],
+            [f"{name}(k+1)" for name in numbered("x", self.n_states)],
+            ["y(k)"] if len(self.output) == 1 else [f"{name}(k)" for name in numbered("y", len(self.output))],
         )
         lines = []
         for rows, weights in zip(names, (getattr(self, name) for name in WEIGHTS), strict=True):
@@ -250,24 +244,11 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         return self.simulate(recording)
 
     def free_run_band(self, recording: Recording, *, warmup: int | None = None, level: float = 0.95) -> PredictiveBand:
-        """Return the predictive band of new readings in free run.
+        """Return the predictive band of new readings in free run over a `recording`, with the probability `level`.
 
         The band includes the noise of the readings and, to first order, the uncertainty of the weights and of the
-        initial state. It is valid if the free-run errors of the fit are white.
-
-        Parameters
-        ----------
-        recording : Recording
-            Inputs and outputs in the model's units.
-        warmup : int, optional
-            Number of samples that determine the initial state, as in `simulate`.
-        level : float
-            Probability that the band at any one time contains a new reading, between 0 and 1.
-
-        Raises
-        ------
-        ModelError
-            If the recording does not suit the model, `level` does not lie between 0 and 1, or the run diverges.
+        initial state, which the first `warmup` samples determine as in `simulate`. It is valid if the free-run errors of
+        the fit are white. ModelError if the recording does not suit the model, or the run diverges.
         """
         require_suits(recording, self, with_outputs=True, fewest=2)
         half = quantile(level, math.inf)

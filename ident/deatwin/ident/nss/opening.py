@@ -10,11 +10,8 @@ from deatwin.ident.nss.march import System
 from deatwin.plant.arrays import Array
 
 _STEPS = 50  # Most Gauss-Newton steps; few samples need few
-_WIDTH = 3.0
-"""Prior standard deviation of a first state: states have an rms value of about one on the training data, and a new
-record may begin at their edge."""
-_EXACT = 1e-6
-"""Noise, in scaled outputs, below which readings count as exact, so that rounding does not compete with the prior."""
+_WIDTH = 3.0  # Prior deviation of a first state: its rms value is about one in training, and a record may begin outside
+_EXACT = 1e-6  # Noise, in scaled outputs, below which readings are exact, so that rounding competes with no prior
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

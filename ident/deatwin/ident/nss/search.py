@@ -12,9 +12,7 @@ from deatwin.ident.nss.march import System
 from deatwin.plant.arrays import Array
 
 DIVERGED = 30.0  # Standard deviations of an output beyond which a run is given up: no trained output is that large
-_NULL = 1e-9
-"""Share of the largest singular value below which a direction of the weights moves no output: up to rounding, it only
-changes the coordinates of the state."""
+_NULL = 1e-9  # Share of the largest singular value below which a direction only changes the coordinates of the state
 _TRIES = 16  # Most dampings, each four times the last, before a step is given up: they span nine decades
 
 
@@ -102,11 +100,8 @@ def search(
     patience: int = 10,
     progress: Callable[[int, Point], None] | None = None,
 ) -> Found:
-    """Reduce the free run's squared error by damped steps (Levenberg, Marquardt) in directions that move an output.
-
-    Keeps the smallest held-out error, if any samples are held out. The search ends when the cost falls by less than
-    `tolerance` of itself twice in a row, or after `patience` steps without a lower held-out error.
-    """
+    """Reduce the free run's squared error by damped steps (Levenberg, Marquardt) in directions that move an output, until
+    it falls by less than `tolerance` of itself twice in a row, or `patience` steps bring no lower held-out error."""
     point = best = judged(system, starts, records)
     holds_out = any(record.fitted < record.outputs.shape[1] for record in records)
     damping, small, best_at, size = 1e-2, 0, 0, np.zeros(point.theta.size)
@@ -153,9 +148,8 @@ def _directions(rows: Array, size: Array) -> tuple[Array, Array, Array, Array, N
 
 
 def covariance(point: Point, rows: Array, records: Sequence[Record]) -> tuple[Array, Array]:
-    """Return the covariance (n_theta, n_theta) of the weights, zero along the states' coordinates, and noise
-    variances; `rows`, (n + 1, n + 1), is the `triangle` at the point.
-    """
+    """Return the covariance (n_theta, n_theta) of the weights, zero along the states' coordinates, and noise variances;
+    `rows`, (n + 1, n + 1), is the `triangle` at the point."""
     rows = rows[:, :-1]
     scale, _, values, right, seen = _directions(rows, np.linalg.norm(rows, axis=0))
     rank, samples = int(seen.sum()), sum(record.fitted for record in records)

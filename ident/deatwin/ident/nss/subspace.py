@@ -8,18 +8,12 @@ import numpy as np
 
 from deatwin.plant.arrays import Array, Complex
 
-_MIRROR = 0.999
-"""Largest magnitude of a pole: what noise makes of an integrator starts inside the circle, where the run stays bounded
-over a thousand samples."""
+_MIRROR = 0.999  # Largest magnitude of a pole: an integrator with noise then stays bounded over a thousand samples
 
 
 def from_lines(response: Complex, angles: Array, deviations: Array, n_states: int, rows: int) -> tuple[Array, Array]:
-    """Return A and C from `response` (n_lines, n_outputs, n_inputs) at `angles` (n_lines,), rad a sample, `rows` >
-    states.
-
-    Source: McKelvey, Akcay, Ljung, IEEE Trans. Autom. Control 41 (1996) 960-979, doi:10.1109/9.508900; weights by the
-    `deviations` (n_lines,): Pintelon, Automatica 38 (2002) 1295-1311, doi:10.1016/S0005-1098(02)00036-6.
-    """
+    """Return A and C from `response` (n_lines, n_outputs, n_inputs) at `angles` (n_lines,), rad a sample (McKelvey, Akcay,
+    Ljung, IEEE Trans. Autom. Control 41 (1996) 960-979), weighted by `deviations` (Pintelon, Automatica 38 (2002) 1295)."""
     n_lines, p, m = response.shape
     turns = np.exp(1j * np.outer(np.arange(rows), angles))
 

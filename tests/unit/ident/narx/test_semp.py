@@ -6,9 +6,9 @@ from stopping import StopAt
 
 from deatwin.ident.narx import semp as module
 from deatwin.ident.narx.identifier import FitStatus
-from deatwin.ident.narx.neighbours import CompressedRegression
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.semp import Semp, SempStep
+from deatwin.ident.narx.semp_search import CompressedRegression
 from deatwin.ident.narx.systems import SYSTEMS
 from deatwin.plant.recording import Recording
 

@@ -1,7 +1,7 @@
 """The mean of a frequency response over a band of output frequencies: what a comparison compares.
 
-A test of all frequencies at once would be one of the few parameters, the same in every band; the mean is what a band
-adds. It is linear in the response, so its law does not depend on how large that is, even where there is none.
+A test of all frequencies at once would be one of the few parameters, the same in every band. The mean is linear in the
+response, so its law does not depend on the size of the response.
 """
 
 from __future__ import annotations

@@ -102,10 +102,8 @@ class Drift:
     ----------
     name : str
         Name of the recording.
-    order : int
-        Order n of the generalised frequency response H_n (`gfrf`).
-    from_Hz, to_Hz : float
-        Edges of the band of output frequencies, Hz.
+    order, from_Hz, to_Hz
+        As in `Difference`.
     test : Equality
         Test of the hypothesis that there is no drift.
     adjusted : float
@@ -254,7 +252,10 @@ def compare(
         If the units of the models differ, if neither model has a covariance, if an argument is invalid, if no output
         frequency lies in a band, or for the reasons given in `gfrf`.
     """
-    _require_alike(require_model(first), require_model(second))
+    for what in ("input_units", "output_units"):
+        one, other = getattr(require_model(first), what), getattr(require_model(second), what)
+        if one != other:
+            raise ModelError(f"the models have the {spaced(what)} {one} and {other}: they must be the same")
     if not real_number(least, "least") >= 0:
         raise ModelError(f"least = {least}; it must be a share of at least 0")
     are_texts = isinstance(names, tuple | list) and all(isinstance(name, str) for name in names)
@@ -297,13 +298,6 @@ def tabulated(differences: Sequence[Difference], level: float) -> Comparison:
         for d, p in zip(differences, corrected, strict=True)
     )
     return Comparison(differences=tuple(judged), level=level)
-
-
-def _require_alike(first: NarxModel, second: NarxModel) -> None:
-    for what in ("input_units", "output_units"):
-        one, other = getattr(first, what), getattr(second, what)
-        if one != other:
-            raise ModelError(f"the models have the {spaced(what)} {one} and {other}: they must be the same")
 
 
 def _plot(comparison: Comparison, ax: Axes | None) -> Axes:

@@ -34,13 +34,8 @@ class Equality:
 
 
 def equality(difference: ArrayLike, scatters: Sequence[Scatter], margin: float = 0.0) -> Equality:
-    """Test whether a difference (2,) of independent means is at most a margin; for several differences, whether any of
-    them is.
-
-    The largest p-value of all hypotheses counts (intersection-union test: Berger, Technometrics 24 (1982) 295-300).
-    Source: Krishnamoorthy, Yu, "Modified Nel and Van der Merwe test for the multivariate Behrens-Fisher problem", Stat.
-    Probab. Lett. 66 (2004) 161-169.
-    """
+    """Test whether a difference (2,) of independent means is at most a margin (Krishnamoorthy, Yu, Stat. Probab. Lett. 66
+    (2004) 161-169); of several differences, the largest p-value counts (Berger, Technometrics 24 (1982) 295-300)."""
     from scipy.stats import chi2, f
 
     inverse, rank = _inverted(np.asarray(sum(s.scale for s in scatters), dtype=np.float64))

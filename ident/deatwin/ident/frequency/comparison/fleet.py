@@ -45,7 +45,7 @@ def spread_of_means(group: Iterable[Means]) -> Array:
     found = []
     for column in zip(*group, strict=True):
         values = np.array([mean.value for mean in column])
-        scatter = np.mean([_variance(mean) for mean in column])
+        scatter = np.mean([np.trace(m.scatter.scale) * (1.0 + 2.0 / (m.scatter.dof - 2.0)) for m in column])
         variance = values.var(axis=0, ddof=1).sum() - scatter
         gain = np.sqrt(np.mean([mean.gain**2 for mean in column]))
         found.append(np.sqrt(max(0.0, variance)) / gain)
@@ -66,8 +66,3 @@ def share_of(table: Comparison, agreement: Agreement) -> Array:
     """Return the share of a table's pairs with a given agreement. Shapes: returns (n_columns,)."""
     flags = np.array([d.agreement is agreement for d in table.differences])
     return np.asarray(flags.reshape(len(table.pairs), len(table.columns)).mean(axis=0))
-
-
-def _variance(mean: BandMean) -> float:
-    """Return the sum of the variances of both parts of an estimate."""
-    return float(np.trace(mean.scatter.scale)) * (1.0 + 2.0 / (mean.scatter.dof - 2.0))

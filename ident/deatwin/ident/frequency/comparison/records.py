@@ -1,8 +1,7 @@
 """Find where actuators differ, and distinguish the actuators from the age at which they were recorded.
 
-All records are fitted with the same terms. What each block says of the mean of H_n over a band is a short series in
-time: its slowest cosines are that mean's drift, the others its scatter. So one fit of each record says how well the
-means are known, whether they drift, and how far.
+All records are fitted with the same terms. What each block says of the mean of H_n over a band is a series in time: its
+slowest cosines are the drift, the others the scatter, so one fit of each record says how well the means are known.
 """
 
 from __future__ import annotations
@@ -33,9 +32,7 @@ from deatwin.ident.narx.terms import Term
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 
-SLOW = 8
-"""Number of slow cosines that describe a drift, from half a period to four periods per record. A cycle that occurs
-twice in the record has most of its power in them, whatever its phase."""
+SLOW = 8  # Slow cosines of a drift, up to four periods per record: most of the power of a cycle that occurs twice
 TIMES = np.linspace(0.0, 1.0, 41)
 """Times at which drifting records are compared, as shares of a record: ten per period of the fastest cosine."""
 
@@ -86,20 +83,14 @@ def compare_records(
         sampling time and about the same length.
     terms : NarxModel, or sequence of Term or str
         Terms of the model that is fitted to each recording.
-    orders : iterable of int
-        Orders n of H_n, up to 5.
-    bands : sequence of (float, float)
-        Bands of output frequencies w_1 + ... + w_n, Hz.
+    orders, bands, input_band, least
+        As in `compare`.
     operating_input : float, optional
         Constant input about which all models are expanded, in the input's unit. By default the mean input of all
         recordings.
-    input_band : tuple of float, optional
-        Lowest and highest input frequency w_i, Hz; by default 0 and the highest edge of the bands.
     level : float
         Probability of finding at least one difference although there is none, and of finding at least one drift
         although there is none. The p-values are corrected for the number of tests (Holm).
-    least : float
-        Largest difference that is ignored, as a share of the root mean square gain in the band.
     n_slow : int
         Number of cosines that model the drift. The first has half a period in the recording, the second one period, and
         so on.
@@ -121,7 +112,8 @@ def compare_records(
         raise ModelError("a comparison needs the recordings of at least two actuators, by their names")
     several, n_slow, level = whole_orders(orders), whole_number(n_slow, "n_slow"), probability(level)
     models = {name: Fixed(terms=terms).fit(given).model_ for name, given in recordings.items()}
-    where = operating_input if operating_input is not None else _centre(tuple(models.values()))
+    centres = [m.operating.input_centre for m in models.values() if m.operating is not None]
+    where = np.mean(centres, axis=0) if operating_input is None else operating_input
     followed = {}
     for name, model in models.items():
         means = band_means(model, several, bands, operating_input=where, input_band=input_band)
@@ -144,11 +136,6 @@ def compare_records(
         ),
         drifts=tuple(track.drift for each in tracks.values() for track in each),
     )
-
-
-def _centre(models: Sequence[NarxModel]) -> Array:
-    """Mean input over all records."""
-    return np.asarray(np.mean([m.operating.input_centre for m in models if m.operating is not None], axis=0))
 
 
 def _track(name: str, mean: BandMean, cosines: Cosines) -> _Track:

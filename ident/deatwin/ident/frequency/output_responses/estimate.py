@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -14,7 +14,7 @@ from deatwin.ident.arguments import read_only, whole_number
 from deatwin.ident.frequency.checks import polynomial_model, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import input_row, require_one_input, unit_of
-from deatwin.ident.frequency.many import Evaluated
+from deatwin.ident.frequency.many import then
 from deatwin.ident.frequency.output_responses.levels import LevelFit, chebyshev_levels, fit_orders
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum, product_spectrum
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
@@ -29,8 +29,6 @@ from deatwin.plant.errors import ModelError
 _MORE = 4  # orders beyond the requested one that may be fitted
 _HIGHEST = 20  # most orders that can be fitted: with two more, the powers of the levels reach a condition number of 1e8
 TRUNCATION = 0.01  # accepted truncation error of an order of the output, as a share of its rms over the lines
-
-
 _RUN = 4096  # least samples of one run: a call costs as much as hundreds of samples
 _PATIENCE = 1_000_000  # most samples of a simulation, or 100 periods if these are longer
 _SMALL = 1e-11  # relative change of the output below which a change that no longer decreases is rounding
@@ -87,7 +85,8 @@ def nofrf(
     wanted = _wanted_orders(order, highest)
     require_one_input(model, "nofrf_exact")
     period = one_period(excitation, model.sample_time)
-    powers = _powers(model, period, wanted[-1] + 2)
+    orders, unit = range(1, wanted[-1] + 3), model.input_units[0]
+    powers = tuple(input_spectrum(period, n, model.sample_time, unit=unit) for n in orders)
     levels = chebyshev_levels(2 * max(wanted[-1], 2))
     runs = _run(deviations(model, operating_input), period, levels, wanted[0])
     fit = fit_orders(runs.levels, runs.spectra, [u.in_range for u in powers], wanted)
@@ -113,16 +112,11 @@ def nofrf_exact(
 
     Parameters
     ----------
-    model : NarxModel
-        Model of one output.
-    excitation : array_like, shape (n_samples,), or (n_inputs, n_samples) for several inputs
-        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
-        unit.
+    model, excitation, operating_input
+        As in `output_spectrum`.
     order : int, or mapping of str to int
         Order n, at least 1. With several inputs, a mapping from each input's name to its power, such as
         ``{"u1": 1, "u2": 1}``; inputs that are not named have power 0.
-    operating_input : float, or array_like of shape (n_inputs,), optional
-        Constant input about which the model is analysed, in its unit; the mean of the training inputs by default.
 
     Returns
     -------
@@ -217,11 +211,6 @@ def _run(about: Deviations, period: Array, levels: Array, needed: int) -> _Runs:
     )
 
 
-def _powers(model: NarxModel, period: Array, count: int) -> tuple[InputSpectrum, ...]:
-    unit = model.input_units[0]
-    return tuple(input_spectrum(period, n, model.sample_time, unit=unit) for n in range(1, count + 1))
-
-
 def _result(
     model: NarxModel,
     order: int,
@@ -264,36 +253,28 @@ def _judged(found: Nofrf, settled: bool) -> Nofrf:
 
 def as_fitted(exact: FrequencyResponse, values: Complex) -> FrequencyResponse:
     """Return a fitted order of the output, which changes with the parameters as the exact order does."""
-    many = None if exact.evaluate is None else partial(_moved, exact.evaluate, values - exact.values)
-    return replace(exact, values=values, evaluate=many)
-
-
-def _moved(evaluate: Callable[[Array], Evaluated], shift: Complex, thetas: Array) -> Evaluated:
-    found = evaluate(thetas)
-    return replace(found, values=found.values + shift)
+    return replace(exact, values=values, evaluate=then(exact.evaluate, partial(np.add, values - exact.values)))
 
 
 def quotient(output: FrequencyResponse, power: InputSpectrum, unit: str) -> FrequencyResponse:
     """Return G_n = Y_n / U_n, where U_n is not zero."""
     powers, some = power.values[power.defined], output.at_points(power.defined)
-    many = None if some.evaluate is None else partial(_quotients, some.evaluate, powers)
     return replace(
         some,
         symbol="G",
         values=some.values / powers,
         unit=unit,
         differentiate=partial(_quotient_gradient, some, powers),
-        evaluate=many,
+        evaluate=then(some.evaluate, partial(_quotient, powers)),
     )
+
+
+def _quotient(powers: Complex, values: Complex) -> Complex:
+    return values / powers
 
 
 def _quotient_gradient(output: FrequencyResponse, powers: Complex) -> Complex:
     return output.gradient / powers[:, None]
-
-
-def _quotients(evaluate: Callable[[Array], Evaluated], powers: Complex, thetas: Array) -> Evaluated:
-    found = evaluate(thetas)
-    return replace(found, values=found.values / powers)
 
 
 def _said(found: Nofrf) -> str:

@@ -99,8 +99,7 @@ class TestSignal(Described, Frozen):
         half = self.values.size // 2
         timepts = (np.arange(self.values.size) - half) * self.sample_time
         axes.plot(timepts, np.roll(self.values, half))
-        axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"input ({written_unit(self.unit)})" if self.unit else "input")
+        axes.set(xlabel="time (s)", ylabel=f"input ({written_unit(self.unit)})" if self.unit else "input")
         return axes
 
 

@@ -20,8 +20,7 @@ from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, v
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
-AMPLIFICATION = 5.0
-"""Largest acceptable sum of the magnitudes of the weights, which sum to one: beyond it G_n is erratic."""
+AMPLIFICATION = 5.0  # Largest sum of the weights' magnitudes, which sum to one: beyond it, G_n is erratic
 
 _CANCELLED = 1e-12  # powers below this share of the largest are rounding
 _SMALLEST = float(np.finfo(np.float64).tiny) / _CANCELLED
@@ -104,8 +103,7 @@ class InputSpectrum(Described, Frozen):
         frequencies = self.frequency_Hz[inside]
         axes.plot(frequencies, self.in_phase[inside], color="0.6", label="all contributions in phase")
         axes.plot(frequencies, np.abs(self.values[inside]), ".", label=f"$|U_{self.order}|$")
-        axes.set_yscale("log")
-        axes.set_xlabel("frequency (Hz)")
+        axes.set(yscale="log", xlabel="frequency (Hz)")
         axes.set_ylabel(f"input spectrum ({written_unit(self.unit)})" if self.unit else "input spectrum")
         axes.legend()
         return axes

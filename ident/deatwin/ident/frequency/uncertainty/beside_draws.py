@@ -20,9 +20,9 @@ from deatwin.plant.arrays import Array, Complex
 
 DRAWS = 20_000  # Draws of the parameters
 SIMULTANEOUS = 0.99  # Probability that all elements at all frequencies lie in the Monte Carlo band
+# Nonlinearity up to which propagation must agree with the draws: the covariance is then off by the square of this, 1 %,
+# which that many draws cannot distinguish from zero.
 STRICT = 0.1
-"""Nonlinearity up to which propagation must agree with the draws: the covariance is then off by the square of this,
-1 %, which that many draws cannot distinguish from zero."""
 CHUNKS = 40  # Sets of `DRAWS` draws each, with which the error of the linear law is measured
 CALLS = 7  # Calls of propagation, of which the fastest counts
 _FLAT = 1e-9  # share of the larger variance below which an axis is degenerate

@@ -1,8 +1,7 @@
 """Gain and phase of an uncertain complex number: the law of propagation, how far it holds, and regions.
 
-The number is normal in the plane (or bivariate Student-t), with any covariance of its parts. Sources: Ridler, Salter,
-Metrologia 39 (2002) 295-302, doi:10.1088/0026-1394/39/3/6; Hall, Metrologia 41 (2004) 173-177,
-doi:10.1088/0026-1394/41/3/010.
+The number is normal in the plane, or bivariate Student-t. Sources: Ridler, Salter, Metrologia 39 (2002) 295-302,
+doi:10.1088/0026-1394/39/3/6; Hall, Metrologia 41 (2004) 173-177, doi:10.1088/0026-1394/41/3/010.
 """
 
 from __future__ import annotations
@@ -114,11 +113,6 @@ def region_radius(level: float, dof: float, rank: NDArray[np.int64]) -> Array:
     """Mahalanobis radius of the region of a probability, (n,). Shapes: `rank` (n,)."""
     # In two dimensions the squared radius is -2 ln(1 - level) for a normal law, and (dof - 2)((1 - level)^(-2/dof) - 1)
     # for Student's t; with rank 1 the region is a segment.
-    line = interval_radius(level, dof)
-    return np.where(rank == 1, line, math.sqrt(_squared_radius(level, dof)))
-
-
-def _squared_radius(level: float, dof: float) -> float:
-    if math.isinf(dof):
-        return -2.0 * math.log1p(-level)
-    return (dof - 2.0) * math.expm1(-2.0 / dof * math.log1p(-level))
+    line, outside = interval_radius(level, dof), math.log1p(-level)
+    squared = -2.0 * outside if math.isinf(dof) else (dof - 2.0) * math.expm1(-2.0 / dof * outside)
+    return np.where(rank == 1, line, math.sqrt(squared))

@@ -16,21 +16,15 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, Polar, interval_radius, polar
-from deatwin.ident.frequency.uncertainty.parameters import (
-    Quantity,
-    draw_theta,
-    evaluate,
-    response_of,
-)
+from deatwin.ident.frequency.uncertainty.parameters import Quantity, draw_theta, evaluate, response_of
 from deatwin.ident.frequency.uncertainty.regions import Uncertain
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Metadata, attribute, variable
 
+# Nonlinearity up to which the linear law is accepted: the covariance is then wrong by 6 %, 0.25², and a standard
+# deviation by 3 %; at worst, for a departure along the tangent, by 56 % and 25 %.
 LIMIT = 0.25
-"""Nonlinearity up to which the linear law is accepted. If the departure is of second order, the covariance is then
-wrong by 0.25², or 6 %, and a standard deviation by 3 %; at worst, for a departure along the tangent, by 56 % and
-25 %."""
 
 _PAIRS = 32  # pairs of probes: their root mean square is known to about 1/sqrt(2 * 32), an eighth; less with long tails
 _ROUNDING = 64 * np.finfo(float).eps  # share of value and parameters below which a departure is rounding
@@ -208,10 +202,9 @@ def propagate(model: NarxModel, quantity: Quantity, *, level: float = 0.95) -> P
     respect to the parameters, including the shift of the equilibrium. This covariance is exact if the response is
     linear in the parameters.
 
-    The nonlinearity v is the rms difference between the response and its linearisation, divided by the rms change of
-    the linearisation. Both are measured as Mahalanobis distances with respect to the covariance, over 32 draws of the
-    parameters and their mirror images about the mean. The relative error of the covariance is at most about 2v + v².
-    The covariance is accepted up to v = 0.25.
+    The result's ``nonlinearity`` v is measured over 32 draws of the parameters and their mirror images about the mean.
+    The relative error of the covariance is at most about 2v + v²; it is accepted up to v = 0.25.
+
 
     Parameters
     ----------

@@ -97,25 +97,8 @@ class Uncertain(Described, Frozen, ABC):
         """Return a pointwise band of the phase, degrees, of probability `level`; NaN where it is undefined."""
 
     def ellipse(self, level: float | None = None, n_points: int = 73) -> Complex:
-        """Return outlines of the confidence regions in the complex plane, pointwise over frequency.
-
-        Parameters
-        ----------
-        level : float, optional
-            Probability at each frequency, ``self.level`` by default: of both parts jointly (5.99 is the squared radius
-            of a normal law at 95 %).
-        n_points : int
-            Number of points in each outline, at least 3; the last equals the first.
-
-        Returns
-        -------
-        ndarray of complex, shape (n, n_points)
-
-        Raises
-        ------
-        ModelError
-            If level or number of points are not as described.
-        """
+        """Return outlines of the regions of both parts jointly at each frequency, complex, shape (n, n_points); the last
+        point, of at least 3, equals the first."""
         n_points = whole_number(n_points, "n_points", 3)
         angle = np.linspace(0.0, 2 * np.pi, n_points)
         outline = self._ellipses.roots @ np.stack([np.cos(angle), np.sin(angle)])
@@ -123,24 +106,7 @@ class Uncertain(Described, Frozen, ABC):
         return np.asarray(self.values[:, None] + real + 1j * imaginary)
 
     def contains(self, other: ArrayLike, level: float | None = None) -> NDArray[np.bool_]:
-        """Return whether each ellipse contains a value.
-
-        Parameters
-        ----------
-        other : array_like of complex, shape (..., n) or ()
-            Values to test, for instance a true response, draws, or 0.
-        level : float, optional
-            Probability of the ellipses; ``self.level`` by default.
-
-        Returns
-        -------
-        ndarray of bool, shape (..., n)
-
-        Raises
-        ------
-        ModelError
-            If there are not as many values as frequencies, or the level is not between 0 and 1.
-        """
+        """Return whether each ellipse contains a value, bool, (..., n). Shapes: `other` (..., n) or (), complex."""
         given = np.asarray(other)
         if given.dtype.kind not in "iufc" or given.shape[-1:] not in ((), self.values.shape):
             raise ModelError(
@@ -179,8 +145,7 @@ class Uncertain(Described, Frozen, ABC):
                 axes.add_collection(lines)
         axes.autoscale_view()
         unit = f" ({written_unit(self.unit)})" if self.unit else ""
-        axes.set_xlabel(f"real part{unit}")
-        axes.set_ylabel(f"imaginary part{unit}")
+        axes.set(xlabel=f"real part{unit}", ylabel=f"imaginary part{unit}")
         axes.set_aspect("equal", adjustable="datalim")
         axes.legend(fontsize="small")
         return axes

@@ -14,12 +14,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, read_only, whole_number
 from deatwin.ident.frequency.response import Band
-from deatwin.ident.frequency.uncertainty.parameters import (
-    Quantity,
-    draw_theta,
-    evaluate,
-    response_of,
-)
+from deatwin.ident.frequency.uncertainty.parameters import Quantity, draw_theta, evaluate, response_of
 from deatwin.ident.frequency.uncertainty.regions import Uncertain, plot_draws
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import Array, Complex, require_generator
@@ -54,12 +49,8 @@ class Sampled(Uncertain):
 
     Parameters
     ----------
-    response : FrequencyResponse
-        Frequency response at the estimated parameters, with n points.
-    level : float
-        Default coverage probability of the confidence regions and bands.
-    dof : float
-        Degrees of freedom of the Student-t posterior of the parameters; infinite if the posterior is normal.
+    response, level, dof
+        As in `Propagated`, with n points.
     draws : ndarray of complex, shape (n_kept, n)
         Response at each draw that was kept, in the response's unit.
     n_without : int
@@ -147,18 +138,13 @@ def sample(
 
     Parameters
     ----------
-    model : NarxModel
-        Model with the covariance ``theta_cov`` of its parameters. Their posterior is Student-t if ``theta_dof`` is
-        finite, and normal otherwise.
-    quantity : callable
-        Function that takes a model and returns a FrequencyResponse, for example
-        ``partial(gfrf, order=1, omega=omega)``.
+    model, quantity, level
+        As in `propagate`. The posterior of the parameters is Student-t if the model's ``theta_dof`` is finite, and normal
+        otherwise.
     rng : numpy.random.Generator
         Random generator for the draws.
     n_draws : int
         Number of draws, at least 2.
-    level : float
-        Default coverage probability of the confidence regions and bands.
 
     Raises
     ------

@@ -63,8 +63,7 @@ def hold_equilibrium(
     Returns
     -------
     ThetaTrajectory
-        Trajectory with the adjusted constant term and an operating range centred at the equilibrium. If the model had
-        no constant term, one is appended as the last term.
+        Trajectory whose operating range is centred at the equilibrium. A missing constant term is appended.
 
     Raises
     ------
@@ -86,23 +85,20 @@ def hold_equilibrium(
     change[place] = -others
     theta = change @ trajectory.theta
     theta[place] += output - trajectory.model.output_origin[0]
+    model = replace(
+        trajectory.model,
+        terms=terms if place < len(terms) else (*terms, constant),
+        equations=(),
+        theta=theta[:, -1],
+        theta_cov=transformed(change, trajectory.model.theta_cov),
+    )
     return replace(
         trajectory,
-        model=_centred(_with_constant(trajectory.model, theta[:, -1], change), float(inputs[0]), output),
+        model=_centred(model, float(inputs[0]), output),
         theta=theta,
         theta_cov=transformed(change, trajectory.theta_cov),
         drift_variance=np.zeros(len(change)),
         log_likelihood=None,
-    )
-
-
-def _with_constant(model: NarxModel, theta: Array, change: Array) -> NarxModel:
-    return replace(
-        model,
-        terms=model.terms if len(theta) == len(model.terms) else (*model.terms, Term(())),
-        equations=(),
-        theta=theta,
-        theta_cov=transformed(change, model.theta_cov),
     )
 
 

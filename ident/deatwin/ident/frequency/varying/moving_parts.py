@@ -1,20 +1,14 @@
 """Correction of a frozen response for parameters that change with time, to first order in their rate.
 
 A part of the output is Y(t) e^(jwt), with an amplitude that changes (Zadeh, Proc. IRE 38 (1950) 291-299), so a delay is
-
-    q^-l Y(t) e^(jwt) = (Y(t) - l dY/dt) e^(jw(t - l)) + second order,
-
-with the rates of amplitudes for parameters that stand still. For a linear system with 1 - sum_l a_l e^(-jwl) = A, the
-response then differs by its rate times the group delay of 1/A,
-
-    -(dH/dt) sum_l l a_l e^(-jwl) / A.
-
-The equilibrium lags in the same way, and each delayed factor of a product sees it at a level of its own.
+q^-l Y(t) e^(jwt) = (Y(t) - l dY/dt) e^(jw(t - l)) to first order, with the rates for parameters that stand still. The
+response of a linear system with A = 1 - sum_l a_l e^(-jwl) then differs by -(dH/dt) sum_l l a_l e^(-jwl) / A, its rate
+times the group delay of 1/A. The equilibrium lags in the same way, and each delayed factor of a product sees its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,12 +17,11 @@ from numpy.typing import NDArray
 from deatwin.ident.frequency.dc import deviations
 from deatwin.ident.frequency.hierarchy import Feedback, Jet, Parts, solve_parts
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.terms import Term, Variable
+from deatwin.ident.narx.terms import Term, without
 from deatwin.plant.arrays import Complex
 
 Array = NDArray[Any]
-Models = Sequence[NarxModel | None]
-"""Models of successive times; None where there is none."""
+Models = Sequence[NarxModel | None]  # Models of successive times; None where there is none
 
 Reading = Callable[[Mapping[int, Jet]], Array | None]
 """Function that takes the result from the parts, shape (n_times, n); None if it is zero."""
@@ -40,21 +33,8 @@ class MovingParts:
     """Parts whose amplitudes change along their first axis, which is time. Shapes: `rates` (n_times, n)."""
 
     def __init__(self, parts: Parts, rates: Mapping[int, Array]) -> None:
-        self.parts = parts
-        self.rates = rates
-
-    @property
-    def order(self) -> Sequence[int]:
-        """Orders of the parts."""
-        return self.parts.order
-
-    def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """Splits of a part in two."""
-        return self.parts.splits(part)
-
-    def input(self, part: int, lag: int, row: int) -> Array | None:
-        """Input of a row, whose amplitude does not change."""
-        return self.parts.input(part, lag, row)
+        self.parts, self.rates = parts, rates
+        self.order, self.splits, self.input = parts.order, parts.splits, parts.input
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
         """Delay a part, taking its earlier amplitude into account. Shapes: `values` (n_times, n)."""
@@ -69,11 +49,8 @@ class MovingParts:
 def correction(
     models: Models, before: Models, after: Models, span: Array, parts: Parts, read: Reading, size: int
 ) -> Complex:
-    """Return the first-order correction of a response for parameters that change with time, (n_times, n).
-
-    At each time, the rates are those between the models just ``before`` and ``after`` it, which lie ``span`` (n_times,)
-    samples apart.
-    """
+    """Return the first-order correction of a response for parameters that change with time, (n_times, n): the rates are
+    those between the models ``before`` and ``after`` each time, ``span`` (n_times,) samples apart."""
     added = np.full((span.size, size), np.nan, dtype=np.complex128)
     step = max(_BLOCK // (3 * size), 1)
     for first in range(0, span.size, step):
@@ -98,7 +75,7 @@ def _added(models: Models, before: Models, after: Models, span: Array, parts: Pa
     n = len(models)
 
     def rate(values: Array) -> Array:
-        """Return the difference quotients of values, shape (3 n, m), in the order of ``found``."""
+        """Return difference quotients of values (3 n, m), in the order of ``found``."""
         return np.asarray((values[2 * n :] - values[n : 2 * n]) / span[:, None])
 
     with np.errstate(invalid="ignore", divide="ignore"):  # missing times are NaN, and so is the rate of a single time
@@ -120,15 +97,8 @@ def _moved(terms: Sequence[Term], theta: Array, output_rate: Array, input_rate: 
     moved = theta.copy()
     for m, term in enumerate(terms):
         for variable, power in term.factors:
-            rest = _without(term, variable)
+            rest = without(term, variable)
             if rest in place:
                 lag = variable.lag * rates[variable.kind] + (behind if variable.kind == "y" else 0.0)
                 moved[place[rest]] -= power * theta[m] * lag
     return moved
-
-
-def _without(term: Term, variable: Variable) -> Term:
-    """Remove one factor from a product."""
-    factors = list(term.expanded)
-    factors.remove(variable)
-    return Term.product(factors)

@@ -193,25 +193,11 @@ class VaryingResponse(Described, Frozen):
         return np.asarray(np.abs(self.frozen_correction), dtype=np.float64)
 
     def band(self, level: float = 0.95) -> Band:
-        """Return the pointwise confidence band of the gain at each time.
+        """Return the pointwise band of the gain, shape (n_times, n_values), of coverage probability `level`.
 
-        The band is computed to first order in the parameters. To test whether their uncertainty is small enough for
-        that, apply `propagate` to one of ``models``. The band does not include ``frozen_error``.
-
-        Parameters
-        ----------
-        level : float
-            Coverage probability at each time and frequency, between 0 and 1.
-
-        Returns
-        -------
-        Band
-            Band with arrays of shape (n_times, n_values); NaN at times without a response.
-
-        Raises
-        ------
-        ModelError
-            If the level is not between 0 and 1.
+        The band is computed to first order in the parameters, and is NaN at times without a response. To test whether
+        their uncertainty is small enough for that, apply `propagate` to one of ``models``. The band does not include
+        ``frozen_error``.
         """
         low, high, law = np.moveaxis(self._stacked(partial(_limits, level)), 1, 0)
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=law == 1.0)
@@ -259,8 +245,7 @@ def _plot_map(response: VaryingResponse, ax: Axes | None) -> Axes:
     name = response.label.strip("$")
     bar = axes.figure.colorbar(mesh, ax=axes, extend="min" if np.nanmin(gain) < low else "neither")
     bar.set_label(f"$|{name}|$ ({written_unit(response.unit)})" if response.unit else f"$|{name}|$")
-    axes.set_xlabel("time (s)")
-    axes.set_ylabel(label)
+    axes.set(xlabel="time (s)", ylabel=label)
     return axes
 
 

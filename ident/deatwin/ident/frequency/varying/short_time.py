@@ -1,8 +1,7 @@
 """The output's short-time spectrum, as the TV-NOFRFs predict it from the input, and as it was recorded.
 
-In each window the input's deviations are taken for a period of a periodic one, and the model of the window's middle
-answers Y = G_1 U_1 + ... + G_N U_N. Answer and recording are seen through one Hann window: it hides the seam of the
-period, and leakage is the same on both sides.
+In each window, the input's deviations are one period, and the model of its middle answers Y = G_1 U_1 + ... + G_N U_N. A
+Hann window over answer and recording hides the seam of the period and makes leakage equal.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """A fleet with one model structure, so that actuators can be compared term by term and frequency by frequency.
 
-Of the structures that SEMP passes on the six, one is taken for all. Candidates hold the past output by itself only, so
-the Volterra series ends at the degree; with products of output and command, which fit a little better, it has no end,
-and diverges at the size of the thesis' noise.
+Candidates hold the past output by itself only, so the Volterra series ends at the degree. With products of output and
+command, which fit a little better, the series has no end, and diverges at the size of the thesis' noise.
 """
 
 from __future__ import annotations

@@ -27,8 +27,7 @@ LAGS = tuple((output, largest) for output in (1, 2) for largest in (0, 1, 2))
 """Number of output lags, and largest input lag; input lags begin with 0."""
 DEGREES = (1, 2, 3, 4, 5)  # Degrees; beyond the fifth, a polynomial follows the mean reading over command no better
 RULE = AtMost(output=1)
-"""The film remembers through one relaxation, so one past output suffices. A polynomial that is affine in it avoids the
-diverging free runs that its powers cause."""
+"""The film remembers through one relaxation; affine in one past output, a free run does not diverge by its powers."""
 MOST_TERMS = 25
 
 

@@ -1,8 +1,7 @@
 """The fleet as recorded, and what the same actuators would have been recorded as with less physics.
 
-A model of constant parameters cannot follow drift, and a polynomial of few past values cannot hold rate-independent
-hysteresis. To say which of them fails a test, each actuator is recorded again under the same commands and noise without
-its history, and then without hysteresis too.
+A model of constant parameters cannot follow drift, and a polynomial of few past values no rate-independent hysteresis.
+Each actuator is therefore recorded again, under the same commands and noise, without its history, then without both.
 """
 
 from __future__ import annotations
@@ -25,12 +24,8 @@ from deatwin.plant.recording import Recording
 
 RECORDED, STEADY, FILM = "as recorded", "without its history", "without hysteresis too"
 VARIANTS = (RECORDED, STEADY, FILM)
-SEGMENTS = 40
-"""Number of segments of a recording whose statistics are compared: 27.5 s each, thirty correlation times of a
-reading."""
-HELD_OUT = 100.0
-"""Length of the end of a stationary stretch, s, on which nothing is chosen or fitted; the same for all actuators, so
-that the tests are equally sharp."""
+SEGMENTS = 40  # Segments of a recording whose statistics are compared: 27.5 s each, thirty correlation times
+HELD_OUT = 100.0  # End of a stationary stretch, s, on which nothing is chosen or fitted; equally long for equal tests
 SAMPLING_LAGS = 500  # Lags over which the correlation of a reading is examined
 
 

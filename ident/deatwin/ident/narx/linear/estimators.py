@@ -8,13 +8,14 @@ from typing import Self
 
 import numpy as np
 
+from deatwin.ident.narx.drive import signals_like
 from deatwin.ident.narx.estimate import LeastSquares
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
 from deatwin.ident.narx.linear.model import LinearModel
 from deatwin.ident.narx.linear.polynomials import Orders, per_input
 from deatwin.ident.narx.linear.prediction import Minimum, PredictionErrorLoss, minimise
 from deatwin.ident.narx.linear.start import starting_points
-from deatwin.ident.narx.regression import Recordings, Regression, flatten, require_no_target
+from deatwin.ident.narx.regression import Recordings, Regression, flatten, provenance_of, require_no_target
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.arguments import truth
 from deatwin.plant.errors import ModelError
@@ -84,17 +85,12 @@ class LinearIdentifier(Identifier):
         scale = orders.scales(data.input_scales, data.output_scale)
         p = orders.split(found.theta * scale)
         cov = found.theta_cov * np.outer(scale, scale)
-        record = data.recordings[0]
         return LinearModel(
             **p._asdict(),
             theta_cov=cov if orders.offset else np.pad(cov, (0, 1)),
             noise_variance=found.noise_variance * data.output_scale**2,
-            sample_time=record.sample_time,
-            input_names=record.input_names,
-            output_names=record.output_names,
-            input_units=record.input_units,
-            output_units=record.output_units,
-            provenance=_provenance(self, data.recordings),
+            **signals_like(data.recordings[0]),
+            provenance=provenance_of(self, data.recordings, sum(record.n_samples for record in data.recordings)),
         )
 
 
@@ -146,16 +142,10 @@ class Armax(LinearIdentifier):
 
     Parameters
     ----------
-    na : int
-        Order of A.
-    nb : int or sequence of int
-        Number of coefficients of each B_i; a single number applies to all inputs.
+    na, nb, nk, offset
+        As in `Arx`.
     nc : int
         Order of C.
-    nk : int or sequence of int
-        Delay of each input in samples.
-    offset : bool
-        True to estimate the offset; if False, the offset is 0.
 
     References
     ----------
@@ -182,14 +172,10 @@ class OutputError(LinearIdentifier):
 
     Parameters
     ----------
-    nb : int or sequence of int
-        Number of coefficients of each B_i; a single number applies to all inputs.
+    nb, nk, offset
+        As in `Arx`.
     nf : int or sequence of int
         Order of each F_i; a single number applies to all inputs.
-    nk : int or sequence of int
-        Delay of each input in samples.
-    offset : bool
-        True to estimate the offset; if False, the offset is 0.
 
     References
     ----------
@@ -212,18 +198,12 @@ class BoxJenkins(LinearIdentifier):
 
     Parameters
     ----------
-    nb : int or sequence of int
-        Number of coefficients of each B_i; a single number applies to all inputs.
-    nc : int
-        Order of C.
-    nd : int
-        Order of D.
+    nb, nk, offset
+        As in `Arx`.
+    nc, nd : int
+        Orders of C and D.
     nf : int or sequence of int
         Order of each F_i; a single number applies to all inputs.
-    nk : int or sequence of int
-        Delay of each input in samples.
-    offset : bool
-        True to estimate the offset; if False, the offset is 0.
 
     References
     ----------
@@ -281,12 +261,3 @@ def _arx_terms(orders: Orders) -> TermTable:
         variables += [Variable("u", channel, k) for k in range(nk, nk + nb)]
     constant = (Term(()),) if orders.offset else ()
     return TermTable((*(Term.product([v]) for v in variables), *constant))
-
-
-def _provenance(identifier: LinearIdentifier, recordings: Sequence[Recording]) -> dict[str, str]:
-    files = [r.provenance["file"] for r in recordings if "file" in r.provenance]
-    return {
-        "identifier": repr(identifier),
-        "samples": str(sum(r.n_samples for r in recordings)),
-        "recordings": ", ".join(files) or str(len(recordings)),
-    }

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import keep_read_only, read_only
-from deatwin.ident.narx.drive import require_suits
+from deatwin.ident.narx.drive import require_suits, signals_like
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
 from deatwin.ident.narx.linear.prediction import lagged, prediction_errors, recursed
 from deatwin.ident.narx.model import NarxModel
@@ -97,12 +97,8 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         Covariance of the free coefficients (``theta``); zero if omitted. It is valid only if the residuals are white.
     noise_variance : float
         Variance of e(k), square of the output's unit.
-    sample_time : float
-        Sample time, s.
-    input_names, output_names, input_units, output_units : tuple of str
-        Names and units of the signals.
-    provenance : mapping of str to str
-        Notes on the origin of the model, such as the identifier and the recordings.
+    sample_time, input_names, output_names, input_units, output_units, provenance
+        As in `NarxModel`.
 
     Raises
     ------
@@ -198,26 +194,14 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         return "\n".join([*lines, f"offset = {self.offset:.6g}"])
 
     def predict(self, recording: Recording) -> NarxResponse:
-        """Predict each output sample from the measurements before it.
+        """Predict each output sample of a `recording` from the measurements before it.
 
-        The initial states of the 1/F_i are estimated from the first samples: ten samples for each state, or a third of
-        the recording if this is less. These samples do not count as predicted.
-
-        Parameters
-        ----------
-        recording : Recording
-            Measured inputs and output, in the model's units.
-
-        Returns
-        -------
-        NarxResponse
-            Response with ``.outputs`` of shape (1, n); the samples before ``.first`` are the measured ones.
-
-        Raises
-        ------
-        ModelError
-            If the recording does not suit the model, or a root of C or of an F_i is not inside the unit circle.
+        The initial states of the 1/F_i are estimated from the first samples, which do not count as predicted: ten
+        samples for each state, or a third of the recording if this is less. ``.outputs`` has the shape (1, n), and holds
+        the measured values before ``.first``. ModelError if the recording does not suit the model, or a root of C or of
+        an F_i is not inside the unit circle.
         """
+
         self._require(recording)
         if not all(is_stable(p) for p in (self.c, *self.f)):
             raise ModelError("a root of C or F lies on or outside of the unit circle: the predictor is unstable")
@@ -231,30 +215,14 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         return response_over(recording, outputs[None], output.size - errors.size, self.output_units)
 
     def simulate(self, recording: Recording, *, warmup: int | None = None) -> NarxResponse:
-        """Simulate the output from the inputs and an initial state, without noise (free run).
+        """Simulate the output over a `recording` from its inputs and an initial state, without noise (free run).
 
-        The initial state is fitted to the first `warmup` measured outputs by least squares. Later outputs are not used.
-
-        Parameters
-        ----------
-        recording : Recording
-            Inputs, and the outputs that determine the initial state, in the model's units.
-        warmup : int, optional
-            Number of samples that determine the initial state, at least the number of poles. By default ten for each
-            pole, or a third of the recording if this is less. With one sample for each pole, the run starts exactly
-            from the measured outputs, including their noise, as that of a NARX model does.
-
-        Returns
-        -------
-        NarxResponse
-            Response with ``.outputs`` of shape (1, n), which are computed from ``.first`` on, after the samples that
-            determine the initial state. If the run diverges, ``.status`` is ``DIVERGED``.
-
-        Raises
-        ------
-        ModelError
-            If the recording does not suit the model, or `warmup` does not lie between the number of poles and the
-            number of samples.
+        The state is fitted to the first `warmup` outputs by least squares; later ones are not used. By default, these
+        are ten samples for each pole, or a third of the recording if this is less. With one sample for each pole, the run
+        starts exactly from the measured outputs, including their noise, as that of a NARX model does. ``.outputs`` of the
+        response has the shape (1, n), and is computed from ``.first`` on; a run that diverges has the status
+        ``DIVERGED``. ModelError if the recording does not suit the model, or `warmup` does not lie between the number of
+        poles and that of samples.
         """
         self._require(recording)
         lag, poles, output = self.orders.input_lag, self.poles.size, recording.outputs[0]
@@ -306,11 +274,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
             theta=(sign * self.theta)[keep],
             theta_cov=(np.outer(sign, sign) * self.theta_cov)[np.ix_(keep, keep)],
             noise_variance=self.noise_variance,
-            sample_time=self.sample_time,
-            input_names=self.input_names,
-            output_names=self.output_names,
-            input_units=self.input_units,
-            output_units=self.output_units,
+            **signals_like(self),
             provenance=self.provenance,
         )
 

@@ -149,19 +149,8 @@ class Orders:
         return np.concatenate([p.a[1:], *b, *(f[1:] for f in p.f), p.c[1:], p.d[1:], tail])
 
     def scales(self, input_scales: Array, output_scale: float) -> Array:
-        """Return the factors that convert parameters for scaled signals to physical units.
-
-        Parameters
-        ----------
-        input_scales : ndarray, shape (n_inputs,)
-            Values by which the inputs were divided, in their units.
-        output_scale : float
-            Value by which the output was divided, in its unit.
-
-        Returns
-        -------
-        ndarray, shape (n_theta,)
-        """
+        """Return factors (n_theta,) that convert parameters to physical units, if signals were divided by `input_scales`,
+        shape (n_inputs,), and by `output_scale`."""
         gains = [np.full(nb, output_scale / scale) for nb, scale in zip(self.nb, input_scales, strict=True)]
         ones = np.ones(sum(self.nf) + self.nc + self.nd)
         tail = [output_scale] if self.offset else []

@@ -1,8 +1,7 @@
 """Prediction errors of a linear model, their exact gradient by filtering, and the search for the least of them.
 
-With n = A y - sum_i w_i - offset and w_i = (B_i/F_i) u_i, e = (D/C) n (Ljung, System Identification, 2nd ed., 1999,
-section 10.3). What inputs did before the record acts on w_i as a pulse train of nf_i samples at its start. Of the
-noise, e is taken as zero before the first error, and D acts on measured n only.
+With n = A y - sum_i w_i - offset and w_i = (B_i/F_i) u_i, e = (D/C) n (Ljung, 1999, section 10.3). Inputs before the
+record act on w_i as nf_i pulses at its start; e is zero before the first error, and D acts on measured n only.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
@@ -71,13 +71,16 @@ def lagged(signal: Array, lags: Sequence[int], first: int) -> Array:
     return np.array([signal[first - lag : n - lag] for lag in lags]).reshape(len(lags), n - first)
 
 
-def recursed(denominator: Array, rows: Array) -> Array:
-    """Filter rows (..., n) by 1/denominator from rest. Shapes: `denominator` (order + 1,)."""
+def filtered(numerator: ArrayLike, denominator: ArrayLike, rows: Array) -> Array:
+    """Filter rows (..., n) from rest."""
     from scipy.signal import lfilter
 
-    if denominator.size == 1 or rows.size == 0:
-        return rows
-    return np.asarray(lfilter([1.0], denominator, rows, axis=-1), dtype=np.float64)
+    return np.asarray(lfilter(numerator, denominator, rows), dtype=np.float64)
+
+
+def recursed(denominator: Array, rows: Array) -> Array:
+    """Filter rows (..., n) by 1/denominator from rest. Shapes: `denominator` (order + 1,)."""
+    return rows if denominator.size == 1 or rows.size == 0 else filtered([1.0], denominator, rows)
 
 
 def _delayed(signal: Array, lags: Sequence[int]) -> Array:

@@ -1,19 +1,18 @@
 """Start the search for the polynomials from a long ARX model, and then with the structure that is wanted.
 
-A long ARX model is consistent whatever the noise is. What it says about plant and noise is then put into few
-coefficients by linear least squares: the noise by Hannan and Rissanen, Biometrika 69 (1982) 81-94,
-doi:10.1093/biomet/69.1.81, the plant by Steiglitz and McBride, IEEE Trans. Automat. Contr. 10 (1965) 461-464,
-doi:10.1109/TAC.1965.1098181.
+A long ARX model is consistent for any noise. Linear least squares put its noise (Hannan, Rissanen, Biometrika 69 (1982)
+81-94) and its plant (Steiglitz, McBride, IEEE Trans. Automat. Contr. 10 (1965) 461-464) into few coefficients.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, reflected
-from deatwin.ident.narx.linear.prediction import Record, lagged
+from deatwin.ident.narx.linear.prediction import Record, filtered, lagged
 from deatwin.plant.arrays import Array
 
 _ONE = np.ones(1)
@@ -40,16 +39,8 @@ def _long(orders: Orders, records: Sequence[Record]) -> int:
 
 def _lengthened(orders: Orders, order: int) -> Orders:
     """Return orders of an ARX model in which A and each B have at least a given order."""
-    m = len(orders.nb)
-    return Orders(
-        na=order,
-        nb=tuple(max(order, nb) for nb in orders.nb),
-        nc=0,
-        nd=0,
-        nf=(0,) * m,
-        nk=orders.nk,
-        offset=orders.offset,
-    )
+    long = tuple(max(order, nb) for nb in orders.nb)
+    return replace(orders, na=order, nb=long, nc=0, nd=0, nf=(0,) * len(long))
 
 
 def _solve(blocks: Sequence[Sequence[Array]], targets: Sequence[Array]) -> Array:
@@ -76,20 +67,14 @@ def _arx(records: Sequence[Record], orders: Orders) -> Polynomials:
     return orders.split(_solve(blocks, [output[first:] for _, output in records]))
 
 
-def _filtered(numerator: Array, denominator: Array, signal: Array) -> Array:
-    from scipy.signal import lfilter
-
-    return np.asarray(lfilter(numerator, denominator, signal), dtype=np.float64)
-
-
 def _errors(arx: Polynomials, records: Sequence[Record]) -> list[Array]:
     """Return the errors of an ARX model, zero where its lags are not measured."""
     first = max([arx.a.size, *(b.size for b in arx.b)]) - 1
     errors = []
     for inputs, output in records:
-        e = _filtered(arx.a, _ONE, output) - arx.offset
+        e = filtered(arx.a, _ONE, output) - arx.offset
         for u, b in zip(inputs, arx.b, strict=True):
-            e -= _filtered(b, _ONE, u)
+            e -= filtered(b, _ONE, u)
         e[:first] = 0.0
         errors.append(e)
     return errors
@@ -108,15 +93,13 @@ def _extended(orders: Orders, records: Sequence[Record], errors: list[Array]) ->
 
 def _simple(orders: Orders, records: Sequence[Record]) -> Polynomials:
     """Fit an ARMAX model with C = 1."""
-    plain = Orders(**{**vars(orders), "nc": 0, "nd": 0})
-    zero = np.eye(1, orders.nc + 1)[0]
-    return _arx(records, plain)._replace(c=zero, d=np.eye(1, orders.nd + 1)[0])
+    arx = _arx(records, replace(orders, nc=0, nd=0))
+    return arx._replace(c=np.eye(1, orders.nc + 1)[0], d=np.eye(1, orders.nd + 1)[0])
 
 
 def _from_arx(orders: Orders, records: Sequence[Record]) -> Polynomials:
     """Make an output-error model from an ARX model: each F is its A, made stable."""
-    wanted = _lengthened(orders, max(orders.nf))
-    arx = _arx(records, Orders(**{**vars(wanted), "nb": orders.nb}))
+    arx = _arx(records, replace(_lengthened(orders, max(orders.nf)), nb=orders.nb))
     a = reflected(arx.a)
     f = tuple(reflected(a[: nf + 1]) for nf in orders.nf)
     return arx._replace(a=_ONE, f=f, offset=arx.offset / float(a.sum()))
@@ -127,7 +110,7 @@ def _condensed(orders: Orders, records: Sequence[Record], long: Polynomials) -> 
     a = reflected(long.a)
     plants = []
     for i, taps in enumerate(long.b):
-        pairs = [(inputs[i : i + 1], _filtered(taps, a, inputs[i])) for inputs, _ in records]
+        pairs = [(inputs[i : i + 1], filtered(taps, a, inputs[i])) for inputs, _ in records]
         plants.append(_steiglitz_mcbride(pairs, orders.nb[i], orders.nf[i], orders.nk[i]))
     b, f = zip(*plants, strict=True)
     return Polynomials(a=_ONE, b=b, c=_ONE, d=_ONE, f=f, offset=long.offset / float(a.sum()))
@@ -139,9 +122,9 @@ def _steiglitz_mcbride(pairs: list[Record], nb: int, nf: int, nk: int) -> tuple[
     f = _ONE
     best, found = np.inf, (np.zeros(nk + nb), np.eye(1, nf + 1)[0])
     for _ in range(_ROUNDS if nf else 1):
-        arx = _arx([(_filtered(_ONE, f, u), _filtered(_ONE, f, y)) for u, y in pairs], orders)
+        arx = _arx([(filtered(_ONE, f, u), filtered(_ONE, f, y)) for u, y in pairs], orders)
         b, f = arx.b[0], reflected(arx.a)
-        loss = sum(float(np.sum((y - _filtered(b, f, u[0])) ** 2)) for u, y in pairs)
+        loss = sum(float(np.sum((y - filtered(b, f, u[0])) ** 2)) for u, y in pairs)
         if loss < best:
             best, found = loss, (b, f)
     return found
@@ -153,7 +136,7 @@ def _with_noise(orders: Orders, records: Sequence[Record], plant: Polynomials) -
         return plant
     noise: list[Record] = []
     for inputs, output in records:
-        w = sum(_filtered(b, f, u) for u, b, f in zip(inputs, plant.b, plant.f, strict=True))
+        w = sum(filtered(b, f, u) for u, b, f in zip(inputs, plant.b, plant.f, strict=True))
         noise.append((np.empty((0, output.size)), output - w - plant.offset))
     alone = Orders(na=orders.nd, nb=(), nc=orders.nc, nd=0, nf=(), nk=(), offset=False)
     long = _arx(noise, _lengthened(alone, _long(alone, noise)))

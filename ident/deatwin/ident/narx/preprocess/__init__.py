@@ -1,8 +1,6 @@
-"""Before a NARX model is fitted: what is in the recordings, which sections, which dead
-times, which sampling time, which orders.
+"""Inspect recordings, and choose sections, dead times, sampling time and orders before a NARX model is fitted.
 
-Nothing is altered on the way: `inspect_recordings` names what it finds, `choose_sections` and `choose_sampling`
-choose and give their reasons, and only `decimate` makes new samples, when it is told to.
+Only `decimate` makes new samples; all other functions state what they find or choose, and why.
 """
 
 from deatwin.ident.narx.preprocess.dead_time import DeadTime, DeadTimeStatus, estimate_dead_time, lags_after

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import read_only, real_number, whole_number
-from deatwin.ident.narx.long_arx import LongArx, Signals, answer_chance, enough_lags, n_residuals
+from deatwin.ident.narx.long_arx import LongArx, Signals, answer_chance, enough_lags, first_samples, n_residuals
 from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.arguments import each, instance, taking
@@ -20,15 +20,9 @@ from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording, label
 
-_SEEN = 1e-4
-"""p-value below which a coefficient is significant: over the 100 lags that are tried, 1 % for a false one."""
+_SEEN = 1e-4  # p-value below which a coefficient is significant: over the 100 lags that are tried, 1 % for a false one
 _LOOP = 1e-3  # The same for an input that responds to the output, with one test for each input
-_AFTER = 20
-"""Lags beyond the longest dead time in which the response to the input is sought; half of all lags if there are fewer
-than twice as many."""
-_MOST_SAMPLES = 20_000
-"""Most samples that are used: more add no certainty, because fewer determine a dead time to one sample, and the
-regression takes a second."""
+_AFTER = 20  # Lags beyond the longest dead time in which the response is sought; half of all lags if these are few
 
 
 class DeadTimeStatus(Enum):
@@ -144,28 +138,23 @@ def estimate_dead_time(
     """Estimate the dead time of each input: the first lag at which the input acts on an output.
 
     The dead time is 0 samples if the output y(k) depends on the input u(k) of the same sample. Usually, each reading is
-    taken when the input of the same sample is applied; a plant without transport delay then has a dead time of 1. If
-    the reading is taken at the end of the sample, such a plant has a dead time of 0.
+    taken when the input of the same sample is applied; a plant without transport delay then has a dead time of 1.
 
-    A long ARX model with all inputs whitens the noise. For each input, the first lag at which the coefficient of the
-    model differs significantly from zero (robust Wald test) is an upper bound of the dead time. Up to that bound,
-    first- and second-order plants are fitted to the whitened signals for each dead time. Schwarz's criterion (BIC)
-    converts the likelihoods of these fits to probabilities.
+    A long ARX model with all inputs whitens the noise. The first lag at which its coefficient of an input differs
+    significantly from zero (robust Wald test) is an upper bound of the dead time. Up to that bound, first- and
+    second-order plants are fitted to the whitened signals for each dead time, and Schwarz's criterion (BIC) converts the
+    likelihoods of these fits to probabilities.
 
-    An input that is held, slow or autocorrelated does not bias the estimate, and coloured noise does not either. If
-    inputs are strongly correlated with each other, the confidence interval of the dead time is too narrow by a sample
-    or two. Noise on a measured input makes the dead time seem a sample or two shorter. For a plant of higher order, the
-    estimate is the dead time of a low-order approximation.
-
-    If the input repeats itself, as a triangle wave does, several dead times far apart may fit equally well (status
-    ``ALIKE``); the interval then covers all of them. An input of a few sines may not determine the dead time at all
-    (status ``POOR``).
+    An input that is held, slow or autocorrelated does not bias the estimate, and coloured noise does not either. With
+    strongly correlated inputs, the interval is too narrow by a sample or two, and noise on a measured input makes the
+    dead time seem a sample or two shorter. For a plant of higher order, the estimate is the dead time of a low-order
+    approximation. If the input repeats itself, as a triangle wave does, several dead times may fit equally well (status
+    ``ALIKE``); the interval then covers all of them. A few sines may not determine the dead time at all (``POOR``).
 
     Each input is also tested for feedback: whether the past of the output predicts the input. For a periodic input, the
     test uses only the differences between periods, so it cannot detect feedback in recordings without noise. Decimated
-    recordings are not tested, because a zero-phase filter makes each sample depend on later ones.
-
-    At most 20 000 samples are used, from the beginning of each recording.
+    recordings are not tested, because a zero-phase filter makes each sample depend on later ones. At most 20 000 samples
+    are used, from the beginning of each recording.
 
     Parameters
     ----------
@@ -270,10 +259,8 @@ def _require(chosen: Sequence[Recording], output: int, max_dead_time: int, proba
 
 def _scaled(chosen: Sequence[Recording], moving: NDArray[np.intp], output: int) -> Signals:
     """Return deviations from the mean, in standard deviations, of the first samples of each recording."""
-    share = min(1.0, _MOST_SAMPLES / sum(record.n_samples for record in chosen))
-    ends = [max(1, round(share * record.n_samples)) for record in chosen]
-    inputs = [record.inputs[moving, :end] for record, end in zip(chosen, ends, strict=True)]
-    outputs = [record.outputs[output, :end] for record, end in zip(chosen, ends, strict=True)]
+    parts = first_samples(chosen)
+    inputs, outputs = [record.inputs[moving] for record in parts], [record.outputs[output] for record in parts]
     all_u, all_y = np.concatenate(inputs, axis=1), np.concatenate(outputs)
     u_mean, u_std = all_u.mean(axis=1, keepdims=True), all_u.std(axis=1, keepdims=True)
     u_std[u_std == 0.0], y_std = 1.0, float(all_y.std()) or 1.0

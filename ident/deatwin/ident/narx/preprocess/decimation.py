@@ -1,8 +1,7 @@
 """The sampling time for a NARX model, and decimation to it.
 
-Sampled too fast, neighbouring regressors are almost the same; too slowly, dynamics are lost. The first minimum of the
-output's linear or nonlinear correlation, whichever is smaller, should lie at 10 to 20 samples (Billings and Aguirre,
-Int. J. Bifurcation Chaos 5 (1995) 1541-1556, doi:10.1142/S0218127495001158). It is the scale of the strongest part: a
+The first minimum of the output's linear or nonlinear correlation should lie at 10 to 20 samples (Billings and Aguirre,
+Int. J. Bifurcation Chaos 5 (1995) 1541-1556, doi:10.1142/S0218127495001158). It is the scale of the strongest part; a
 lightly damped mode or a fast time constant that moves the output less must keep its samples too.
 """
 
@@ -25,16 +24,12 @@ from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
 
 _WANTED = (10, 20)  # wanted number of samples to the first minimum
-_KEPT = 10
-"""Least samples that decimation leaves in a period of the output's fastest part: L. Ljung, System Identification, 2nd
-edition, Prentice Hall 1999, section 13.7, advises a sampling frequency of about ten times the bandwidth."""
-_SLIGHT = 1e-4
-"""Share of the output's variance that may be lost: 1 % of its standard deviation, less than a model of a recording
-leaves unexplained."""
+_KEPT = 10  # Least samples in a period of the output's fastest part (Ljung, System Identification, 1999, section 13.7)
+_SLIGHT = 1e-4  # Share of the output's variance that may be lost: less than a model leaves unexplained
+# Standard deviations of white noise that the power above a frequency must exceed to be the plant's: 3 times 1.4, because
+# the window makes neighbouring lines similar, plus 3.8, because the quietest quarter of 16 bands lies below their mean.
+
 _SURE = 8.0
-"""Standard deviations of white noise that the power above a frequency must exceed to be the plant's: 3 times 1.4,
-because the window makes neighbouring lines similar, plus 3.8, because the quietest quarter of 16 bands lies 0.67
-standard deviations of a band, times 1.4, below their mean."""
 
 
 class SamplingStatus(Enum):
@@ -109,8 +104,7 @@ class SamplingChoice(Described):
             axes.axhspan(-band, band, color=line.get_color(), alpha=0.12, linewidth=0)
             if minimum is not None:
                 axes.plot(lags[minimum], values[minimum], "o", color=line.get_color())
-        axes.set_xlabel("lag (s)")
-        axes.set_ylabel("correlation")
+        axes.set(xlabel="lag (s)", ylabel="correlation")
         axes.set_title(f"decimate by {self.factor}" if self.factor > 1 else "keep all samples", fontsize="medium")
         axes.legend()
         return axes
@@ -161,7 +155,7 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
     bands = [1.96 * float(np.sqrt((1.0 + 2.0 * (values[1:] @ values[1:])) / n)) for values in (linear, nonlinear)]
     minima = _first_minimum(linear, bands[0]), _first_minimum(nonlinear, bands[1])
     if minima == (None, None):
-        minima = _first_zero(linear, bands[0]), None
+        minima = next((lag for lag, value in enumerate(linear) if value <= bands[0]), None), None
     highest = max(_highest(y - mean) for y in outputs if np.ptp(y) > 0.0)
     factor, status = _factor(min((m for m in minima if m is not None), default=None), highest)
     return SamplingChoice(
@@ -222,8 +216,3 @@ def _first_minimum(values: Array, band: float) -> int | None:
         elif value > values[lowest] + band:
             return lowest
     return None
-
-
-def _first_zero(values: Array, band: float) -> int | None:
-    """Return the first lag at which the function cannot be distinguished from zero; None if there is none."""
-    return next((lag for lag, value in enumerate(values) if value <= band), None)

@@ -5,33 +5,26 @@ from __future__ import annotations
 import numpy as np
 
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
-from deatwin.ident.narx.linear.prediction import PredictionErrorLoss, Record
+from deatwin.ident.narx.linear.prediction import PredictionErrorLoss, Record, filtered
 from deatwin.ident.narx.linear.start import starting_points
 from deatwin.ident.narx.long_arx import LongArx
 from deatwin.plant.arrays import Array
 
 _STRUCTURES = ((1, 1), (2, 1), (1, 2), (2, 2), (3, 2))
-"""Numbers of coefficients of B and F: plants of first and second order under a held input, with whole and fractional
-dead times, and two poles with a single coefficient of B. Without the latter, B = (0, b) one sample early would be as
-probable as B = (b, 0)."""
-_FAR = 60.0
-"""Decrease of 2 log likelihood beyond which a dead time is excluded: 1e-13 of the best one's probability."""
-_PATIENCE = 5
-"""Excluded dead times in a row after which shorter ones are tried with two structures only, until one fits again: with
-an input that repeats itself, others fit as well."""
-_PROBES = (0, 3)  # Positions of these two: the simplest structure, and two poles with a fractional dead time
+"""Numbers of coefficients of B and F: first and second order under a held input, with whole and fractional dead times.
+With two poles, a single coefficient of B is needed too, or B = (0, b) one sample early is as probable as B = (b, 0)."""
+_FAR = 60.0  # Decrease of 2 log likelihood beyond which a dead time is excluded: 1e-13 of the best one's probability
+# Excluded dead times in a row after which only these two structures are tried, until one fits again, as it may with an
+# input that repeats itself: the simplest, and two poles with a fractional dead time.
+_PATIENCE, _PROBES = 5, (0, 3)
 _POLES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99)
-"""Poles to start from, with time constants two to three times apart; needed because ARX models of an input of few
-frequencies can be far from every plant."""
+"""Poles to start from, two to three times apart, because ARX models of few frequencies can be far from every plant."""
 
 
 def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
-    """Return the probabilities (latest + 1,) of dead times, by exp(-BIC/2) of each structure (Kass, Wasserman, JASA 90
-    (1995) 928-934).
-
-    All dead times are equally probable a priori, so a first coefficient near zero counts against one. Squares are
-    measured in units of what the best plant leaves beyond the noise, per degree of freedom, as in quasi-likelihood.
-    """
+    """Return the probabilities (latest + 1,) of dead times, all equally probable a priori, by exp(-BIC/2) of each
+    structure (Kass, Wasserman, JASA 90 (1995) 928-934). Squares are measured in units of what the best plant leaves
+    beyond the noise, per degree of freedom, as in quasi-likelihood."""
     records = _whitened(arx, which)
     squares = np.full((latest + 1, len(_STRUCTURES)), np.inf)
     n_errors, far = 1, 0
@@ -90,10 +83,9 @@ def _least(
 
 def _with_pole(loss: PredictionErrorLoss, pole: float) -> Polynomials:
     """Return the first-order model with a given pole; gain and offset are found by least squares."""
-    from scipy.signal import lfilter
 
     delay, f = loss.orders.nk[0], np.array([1.0, -pole])
-    answer = np.concatenate([lfilter([1.0], f, inputs[0])[: output.size - delay] for inputs, output in loss.records])
+    answer = np.concatenate([filtered([1.0], f, inputs[0])[: output.size - delay] for inputs, output in loss.records])
     target = np.concatenate([output[delay:] for _, output in loss.records])
     gain, offset = np.linalg.lstsq(np.column_stack([answer, np.ones(target.size)]), target, rcond=None)[0]
     one = np.ones(1)
@@ -102,14 +94,14 @@ def _with_pole(loss: PredictionErrorLoss, pole: float) -> Polynomials:
 
 def _whitened(arx: LongArx, which: int) -> list[Record]:
     """Return an input and the output, minus the contributions of other inputs, both filtered by A."""
-    from scipy.signal import lfilter
 
     first = max(arx.n_output_lags, arx.longest if arx.b.shape[0] > 1 else 0)
     records: list[Record] = []
     for inputs, output in arx.signals:
-        left = lfilter(arx.a, [1.0], output)
+        left = filtered(arx.a, [1.0], output)
         for row, b in enumerate(arx.b):
             if row != which:
-                left = left - lfilter(b, [1.0], inputs[row])
-        records.append((lfilter(arx.a, [1.0], inputs[which : which + 1])[:, first:], left[first:]))
+                left = left - filtered(b, [1.0], inputs[row])
+        records.append((filtered(arx.a, [1.0], inputs[which : which + 1])[:, first:], left[first:]))
+
     return records

@@ -133,8 +133,11 @@ def _of_record(record: Recording, level: float, few: Mapping[int, Array]) -> Ite
         if np.ptp(channel.values) > 0.0:
             yield from _slow(channel, level)
         if row in few:
-            yield _few_levels(channel, few[row])
-    moves = _moves(record)
+            text = said_of_levels(name, few[row].size)
+            every, span = np.arange(channel.values.size), float(np.ptp(few[row]))
+            yield replace(channel.finding(FindingKind.FEW_LEVELS, every, span, text), count=few[row].size)
+    span = np.ptp(record.inputs, axis=1, keepdims=True)
+    moves = record.inputs / np.where(span > 0.0, span, np.inf)  # as shares of their ranges
     for row, (name, unit) in enumerate(zip(record.output_names, record.output_units, strict=True)):
         channel = _Channel(record, name, unit, record.outputs[row])
         if np.ptp(channel.values) > 0.0:
@@ -172,17 +175,6 @@ class _Channel:
     def amount(self, value: float) -> str:
         """Write a value with its unit."""
         return with_unit(value, self.unit)
-
-
-def _few_levels(channel: _Channel, levels: Array) -> Finding:
-    """Report an input with so few levels that its powers repeat each other. Shapes: `levels` (n_levels,)."""
-    finding = channel.finding(
-        FindingKind.FEW_LEVELS,
-        np.arange(channel.values.size),
-        float(np.ptp(levels)),
-        said_of_levels(channel.name, levels.size),
-    )
-    return replace(finding, count=levels.size)
 
 
 def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
@@ -368,9 +360,3 @@ def _constant(channel: _Channel, moves: Array, level: float) -> Iterator[Finding
                 f"{channel.record.timepts[where[0]]:.6g} to {channel.record.timepts[where[-1]]:.6g} s, "
                 "while the input moves",
             )
-
-
-def _moves(record: Recording) -> Array:
-    """Return inputs as shares of their ranges, shape (n_inputs, n)."""
-    span = np.ptp(record.inputs, axis=1, keepdims=True)
-    return np.asarray(record.inputs / np.where(span > 0.0, span, np.inf), dtype=np.float64)

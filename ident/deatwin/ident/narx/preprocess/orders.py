@@ -114,12 +114,7 @@ class OrderChoice(Described):
 
         This is the one-standard-error rule (Hastie, Tibshirani, Friedman, The Elements of Statistical Learning, 2nd
         ed., 2009, section 7.10). The smallest model has the fewest terms; among equals, the lowest degree and then the
-        fewest lags.
-
-        Raises
-        ------
-        ModelError
-            If all trials failed or diverged.
+        fewest lags. ModelError if all trials failed or diverged.
         """
         limit = self.best.mean_square + self.best.standard_error
         return min((trial for trial in self.done if trial.mean_square <= limit), key=_size)

@@ -200,8 +200,7 @@ class Sections(Described):
         ):
             axes.axvspan(section.start, section.end, color=colour, alpha=0.25, linewidth=0, label=use)
         record = self.recordings[0]
-        axes.set_xlabel("time (s)")
-        axes.set_ylabel(axis_label(record.output_names[0], record.output_units[0]))
+        axes.set(xlabel="time (s)", ylabel=axis_label(record.output_names[0], record.output_units[0]))
         axes.legend(loc="upper right")
         return axes
 

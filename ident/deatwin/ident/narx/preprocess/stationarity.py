@@ -1,7 +1,7 @@
 """Tests of stationarity on the segments of a signal: for a trend, a change, and any spread beyond chance.
 
-For a model of constant parameters its mean, variance and power at high frequency must stay: means over a segment of y,
-(y - mean)^2 and (y(k) - y(k-1))^2 (Bendat and Piersol, Random Data, 4th ed., 2010, sections 4.5.2 and 10.3.1).
+For a model of constant parameters, mean, variance and fast power must stay: means over a segment of y, (y - mean)^2 and
+(y(k) - y(k-1))^2 (Bendat and Piersol, Random Data, 4th ed., 2010, sections 4.5.2 and 10.3.1).
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ import numpy as np
 from deatwin.plant.arrays import Array
 
 STATISTICS = ("mean", "variance", "fast variance")
-ENOUGH_CORRELATION_TIMES = 15.0
-"""Length of a segment, in correlation times, from which on the tests keep their level."""
+ENOUGH_CORRELATION_TIMES = 15.0  # Length of a segment, in correlation times, from which on the tests keep their level
 _SMALLEST_GROUP = 3  # least segments before or after a change
 
 
