@@ -47,7 +47,7 @@ class Table:
     @property
     def numeric(self) -> set[int]:
         """Return the columns after the first that hold numbers only, with or without units."""
-        columns = enumerate(zip(*self.rows, strict=True))
+        columns = enumerate(zip(*self.rows, strict=False))
         return {i for i, cells in columns if i > 0 and all(map(_NUMBER.match, cells)) and set(cells) != {"–"}}
 
     @classmethod
