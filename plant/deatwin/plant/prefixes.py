@@ -9,15 +9,18 @@ from deatwin.plant.amplitudes import amount
 
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 LEAST_DIGITS, MOST_DIGITS = 3, 9
-PREFIXED = ("Pa", "s", "m", "N", "V", "A", "F", "Hz", "J", "W", "ohm")
+PREFIXED = ("Pa", "s", "m", "g", "N", "V", "A", "F", "Hz", "J", "W", "ohm")
 
 
 def prefixed(value: float, unit: str) -> tuple[float, str]:
     """Return size and name of the unit in which a value has one to three digits before the point.
 
-    >>> prefixed(26400.0, "Pa"), prefixed(54.0, "s"), prefixed(2e7, "N/m3"), prefixed(-0.1, "1")
-    ((1000.0, 'kPa'), (1.0, 's'), (1000000.0, 'MN/m3'), (1.0, ''))
+    >>> prefixed(26400.0, "Pa"), prefixed(54.0, "s"), prefixed(2e7, "N/m3"), prefixed(-0.1, "1"), prefixed(3e-4, "kg")
+    ((1000.0, 'kPa'), (1.0, 's'), (1000000.0, 'MN/m3'), (1.0, ''), (1e-06, 'mg'))
     """
+    if unit == "kg" and 0.0 < abs(value) < 1.0:
+        size, shown = prefixed(1e3 * value, "g")
+        return 1e-3 * size, shown
     if re.split("[ /]", unit)[0] not in PREFIXED or value == 0 or not math.isfinite(value):
         return 1.0, "" if unit == "1" else unit
     power = 3 * math.floor(math.log10(abs(value)) / 3)

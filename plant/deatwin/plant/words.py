@@ -5,10 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+_PROPER = re.compile(r"\b(?:(rc)|coulomb|mullins)\b")
+
 
 def spaced(name: str) -> str:
-    """Write a name as words."""
-    return name.replace("_", " ")
+    """Write a name as words, with the capitals of names of persons and abbreviations.
+
+    >>> spaced("sensor_drift"), spaced("electrode_rc + coulomb_friction")
+    ('sensor drift', 'electrode RC + Coulomb friction')
+    """
+    return _PROPER.sub(lambda found: found[0].upper() if found[1] else found[0].title(), name.replace("_", " "))
 
 
 def listed(texts: Sequence[str]) -> str:

@@ -91,11 +91,13 @@ class Interval:
     def shown(self) -> Shown:
         """Return the same estimate and interval in a unit with a prefix, such as mm.
 
-        The estimate is shown as 0 if the interval contains zero and the estimate is below a thousandth of its width.
+        The estimate decides the prefix. If the interval contains zero and is much larger than the estimate, the interval
+        decides it, and an estimate below a thousandth of its width is shown as 0.
         """
-        nothing = self.low <= 0.0 <= self.high and abs(self.value) < NOTHING * (self.high - self.low)
-        value = 0.0 if nothing else self.value
-        size, unit = prefixed(value or max(self.high, -self.low), self.unit)
+        largest = max(self.high, -self.low)
+        about_zero = self.low <= 0.0 <= self.high
+        value = 0.0 if about_zero and abs(self.value) < NOTHING * (self.high - self.low) else self.value
+        size, unit = prefixed(largest if about_zero and 10.0 * abs(value) < largest else value, self.unit)
         return Shown(value=value / size, low=self.low / size, high=self.high / size, unit=unit)
 
 

@@ -342,9 +342,8 @@ def draw_nyquist(view: View, controller: Controller) -> Drawing:
     """Draw the loops at the operating point, with the disks that they must avoid."""
     loops = Loops.of(view, controller)
     known = view.check.excited_band_Hz
-    with draw((7.4, 4.8)) as figure:
-        axes, beside = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
-        beside.axis("off")
+    with draw((6.4, 5.6)) as figure:
+        axes = figure.add_subplot()
         _draw_disks(axes, view)
         _draw_ellipses(axes, loops)
         for source, values in loops.values.items():
@@ -354,10 +353,10 @@ def draw_nyquist(view: View, controller: Controller) -> Drawing:
                 at = int(np.argmin(np.abs(loops.frequency_Hz - known)))
                 label = f"{known:.3g} Hz: excited up to here" if source == "model" else "_"
                 axes.plot(values[at].real, values[at].imag, "D", markersize=5, color=look.colour, label=label)
-        axes.plot(-1.0, 0.0, "+", color=Hue.INK, markersize=10, markeredgewidth=1.5, label="−1")
+        axes.plot(-1.0, 0.0, "+", color=Hue.INK, markersize=10, markeredgewidth=1.5, label="critical point −1")
         axes.set(xlim=(-_REACH, 0.8), ylim=(-_REACH, 0.8), xlabel="real part of L", ylabel="imaginary part of L")
         axes.set_aspect("equal")
-        beside.legend(*axes.get_legend_handles_labels(), loc="upper left", markerscale=1)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3, markerscale=1)
         at_input = amount(f"{controller.operating_input:.4g}", view.check.operating.input_unit)
         caption = f"Nyquist plot of the loop gain L (controller times model) at {at_input}. Large values of |L| lie outside the figure."
         if loops.band is not None:

@@ -277,22 +277,18 @@ def _margins_here(view: View) -> list[tuple[str, ...]]:
     own, spec, h = check.margins, view.specification, check.operating.sample_time
     lows = [own, *(row for row in check.table if row.source == BAND)]
     kinds = (
-        ("gain", "gain", spec.gain, 1.0, ""),
-        ("phase", "phase_deg", spec.phase_deg, 1.0, "°"),
-        ("delay (samples)", "delay", spec.delay_samples, h, ""),
-        ("disk", "disk", spec.disk, 1.0, ""),
+        ("gain", "gain", "gain_low", spec.gain, 1.0),
+        ("phase", "phase_deg", "phase_low_deg", spec.phase_deg, 1.0),
+        ("delay", "delay", "delay_low", spec.delay_samples, h),
+        ("disk", "disk", "disk_low", spec.disk, 1.0),
     )
     return [
         (
             name,
-            _written(getattr(own, field) / scale, unit),
-            *(_written(getattr(row, LOWS[field]) / scale, unit) for row in lows),
-            _written(limit.good, unit),
-            _written(limit.poor, unit),
+            *(kind.value(value / scale) for value in (getattr(own, field), *(getattr(row, low) for row in lows))),
+            kind.asked(limit.good),
+            kind.asked(limit.poor),
         )
-        for name, field, limit, scale, unit in kinds
+        for name, field, low, limit, scale in kinds
+        for kind in [_MARGINS[f"{name} margin"]]
     ]
-
-
-def _written(value: float, unit: str) -> str:
-    return f"{value:.3g}{unit}" if isfinite(value) else "∞"

@@ -8,7 +8,7 @@ from math import floor, log10
 from deatwin.ident.mismatch.certainty import percent
 from deatwin.ident.mismatch.conclude import MARGIN
 from deatwin.ident.mismatch.verdict import Interval
-from deatwin.plant.prefixes import prefixed, resolving
+from deatwin.plant.prefixes import LEAST_DIGITS, prefixed, resolving
 
 _RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 
@@ -67,11 +67,25 @@ def in_interval(value: float, low: float, high: float) -> str:
     return f"{middle} ({ends})"
 
 
+def between(span: tuple[float, float]) -> str:
+    """Write the ends of a range with equally many decimals: three digits of the larger end, or as many as distinguish them.
+
+    >>> between((-6382.1, -23.96)), between((-23.96, 0.003713)), between((2.0412, 2.4622)), between((0.0, 0.0))
+    ('-6382 to -24', '-24.0 to 0.0', '2.04 to 2.46', '0 to 0')
+    """
+    decimals = _decimals(*span)
+    return " to ".join(f"{end:.{decimals}f}" for end in span)
+
+
+def _decimals(low: float, high: float) -> int:
+    size = max(abs(low), abs(high))
+    return max(resolving(low, high) - 1 - floor(log10(size)), 0) if size > 0.0 else 0
+
+
 def _in_interval(value: float, low: float, high: float) -> tuple[str, str]:
-    digits = resolving(low, high)
-    if digits == 3:
+    if resolving(low, high) == LEAST_DIGITS:
         return _written(value), f"{_written(low)} to {_written(high)}"
-    decimals = max(digits - 1 - floor(log10(max(abs(low), abs(high)))), 0)
+    decimals = _decimals(low, high)
     return f"{value:.{decimals}f}", f"{low:.{decimals}f} to {high:.{decimals}f}"
 
 

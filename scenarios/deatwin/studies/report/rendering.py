@@ -20,7 +20,7 @@ from deatwin.plant.words import as_sentence
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord, versions
 from deatwin.studies.report.drawing import COLOURS, Drawing
-from deatwin.studies.report.quantities import likely, quantity, raised, three_digits
+from deatwin.studies.report.quantities import between, likely, quantity, raised, three_digits
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -67,7 +67,9 @@ class Origin:
 LARGEST = 4_500_000
 """Most bytes of a page. Data that would make it larger stay in their files beside it, the largest of them first."""
 REST = 300_000  # Most bytes of a page without its figures and their data
-_UNIT = re.compile(r"(?<=\d) (?:%|°|dB|[pnµumkMG]?(?:Hz|Pa|ohm|rad|[msVANFgWKJ])(?:/[a-zµ]+)?(?: rms)?)(?!\w)")
+_UNIT = re.compile(
+    r"(?<=\d) (?:%|°|dB|[pnµumkMG]?(?:Hz|Pa|ohm|rad|[msVANFgWKJ])(?:/[a-zµ]+)?(?: rms)?)(?!\w)|(?<=[≥≤±=]) (?=[\d-])"
+)
 _OPTION = re.compile(r"(?<!\S)--[a-z][a-z-]+")
 
 
@@ -112,6 +114,7 @@ def templates(package: str) -> Environment:
         "risk": risk,
         "likely": likely,
         "plain": effects_in_words,
+        "between": between,
         "ends": ends,
         "since_rest": since_rest,
     }
@@ -121,19 +124,20 @@ def templates(package: str) -> Environment:
 
 
 def unbroken(shown: Any) -> Any:
-    """Keep units on the line of their numbers, and the names of options on one line.
-
-    >>> unbroken("from 4.6 to 2.1 µm rms in 3 steps")
-    'from 4.6 to 2.1\xa0µm\xa0rms in 3 steps'
-    """
+    """Return text as HTML whose lines break at suitable places; leave everything else as it is."""
     from markupsafe import Markup, escape
 
-    if type(shown) is not str:
-        return shown
-    text = _UNIT.sub(lambda found: found[0].replace(" ", "\xa0"), shown)
-    return (
-        Markup(_OPTION.sub(r'<span class="option">\g<0></span>', str(escape(text)))) if _OPTION.search(text) else text
-    )
+    return Markup(kept_together(str(escape(shown)))) if type(shown) is str else shown
+
+
+def kept_together(text: str) -> str:
+    """Keep units and signs on the line of their numbers, and the names of options on one line, in the text of HTML.
+
+    >>> kept_together("from 4.6 to 2.1 µm rms (p = 0.02) in 3 steps"), kept_together("with --out")
+    ('from 4.6 to 2.1\xa0µm\xa0rms (p =\xa00.02) in 3 steps', 'with <span class="option">--out</span>')
+    """
+    text = _UNIT.sub(lambda found: found[0].replace(" ", "\xa0"), text)
+    return _OPTION.sub(r'<span class="option">\g<0></span>', text)
 
 
 def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:

@@ -8,6 +8,7 @@ from typing import Any
 from deatwin.ident.mismatch import Diagnosis, Findings, VerificationSummary
 from deatwin.ident.mismatch.quality.noise import NoiseSource
 from deatwin.ident.mismatch.say import unit_of
+from deatwin.plant.amplitudes import amount
 from deatwin.plant.drawing import Figure
 from deatwin.studies.report.drawing import Drawing, draw
 from deatwin.studies.report.quantities import quantity, three_digits, with_interval
@@ -122,6 +123,8 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         value, interval = with_interval(fitted.value, fitted.low, fitted.high, fitted.unit)
         interval = "undetermined" if fitted.undetermined else interval
         before = "" if fitted.nominal is None else quantity(fitted.nominal, fitted.unit)
+        if fitted.nominal == 0.0:  # has no prefix of its own
+            before = amount("0", fitted.shown.unit)
         rows.append({"name": name, "before": before, "value": value, "interval": interval, "at_bound": fitted.at_bound})
     return rows
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
@@ -13,6 +14,7 @@ from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.rendering import Origin, write_page
 
 Item = TypeVar("Item")
+_NUMBER = re.compile(r"(?:[-+−±<>≥≤] ?)?(?:\d|∞)|–$")
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,12 @@ class Table:
     title: str
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]  # Cells as they are to be shown
+
+    @property
+    def numeric(self) -> set[int]:
+        """Return the columns after the first that hold numbers only, with or without units."""
+        columns = enumerate(zip(*self.rows, strict=False))
+        return {i for i, cells in columns if i > 0 and all(map(_NUMBER.match, cells)) and set(cells) != {"–"}}
 
     @classmethod
     def of(cls, title: str, items: Iterable[Item], columns: Mapping[str, Callable[[Item], object]]) -> Table:

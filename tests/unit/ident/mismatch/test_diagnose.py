@@ -213,7 +213,7 @@ def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     both, alone = doubted.explanations
     assert (set(both.effects), alone.effects) == ({"creep", "electrode_rc"}, ("electrode_rc",))
     assert [both.probability, alone.probability] == pytest.approx([0.95 / 2, 0.95 / 2])
-    assert "perhaps electrode rc and creep, or electrode rc alone." in doubted.sentence
+    assert "perhaps electrode RC and creep, or electrode RC alone." in doubted.sentence
 
 
 def test_a_rival_on_another_form_of_the_rig_has_its_own_distance():

@@ -387,7 +387,7 @@ def test_each_verdict_says_only_what_it_may():
             (("sensor_jump", "delay"), ("delay",)),
             "creep and sensor jump, sensor jump and delay, or delay alone. ",
         ),
-        ((CREEP, JUMP, RC), (("creep",),), "creep, sensor jump and electrode rc, or creep alone. "),
+        ((CREEP, JUMP, RC), (("creep",),), "creep, sensor jump and electrode RC, or creep alone. "),
         ((CREEP,), (("creep", "delay"),), "creep alone, or creep and delay. "),
         ((CREEP,), ((), ("delay",)), "creep, no effect at all, or delay. "),
     ],

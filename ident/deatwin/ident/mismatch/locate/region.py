@@ -77,7 +77,7 @@ class Regions(Described):
         ax.set_xlim(-0.05, 1.05)
         ax.set_xlabel("signal, scaled from 0 (lowest value) to 1 (highest value)")
         ax.set_ylabel(f"mean residual ({self.unit})" if self.unit else "mean residual")
-        ax.legend(fontsize="x-small", loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+        ax.legend(fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
         return ax
 
 

@@ -102,22 +102,31 @@
     });
   }
 
-  // On a narrow screen each row of a table becomes a block, in which every cell is led by the heading of its column.
+  // On a narrow screen each row of a table becomes a block: its first cell is a title, and every other cell is led by the
+  // heading of its column. A table of numbers stays one if it fits, so that its columns can be compared.
   function labelled(table) {
     const heads = [...table.querySelectorAll("thead th")].map((head) => head.textContent.trim());
     if (heads.length < 3) return;
+    const numbers = table.querySelectorAll("thead th.n").length === heads.length - 1;
     const below = heads.map(() => 0);  // rows for which a cell above still fills the column
     for (const row of table.querySelectorAll("tbody tr")) {
       let column = 0;
       for (const cell of row.cells) {
         while (below[column] > 0) below[column++] -= 1;
         if (cell.colSpan === 1) cell.dataset.label = heads[column] ?? "";
+        cell.classList.toggle("head", column === 0);
         below[column] = cell.rowSpan - 1;
         column += cell.colSpan;
       }
       while (column < heads.length) below[column] = Math.max(0, below[column++] - 1);
     }
-    table.classList.add("stacks");
+    const fit = () => {
+      table.classList.toggle("stacks", !numbers);
+      if (numbers) table.classList.toggle("stacks", table.offsetWidth > table.parentElement.clientWidth);
+    };
+    table.classList.toggle("numbers", numbers);
+    addEventListener("resize", fit);
+    fit();
   }
 
   document.querySelectorAll("table").forEach(labelled);

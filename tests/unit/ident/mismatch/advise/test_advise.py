@@ -323,7 +323,7 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised(slow, monk
     told = distance.confusion(16.0)
     assert 2 * told / 3 < found.confusion_after < (2 * 0.5 + told) / 3
     assert found.confusion_after < found.confusion_before
-    assert f"if electrode rc and sensor lag still remain possible, measure {found.measure}." in found.sentence
+    assert f"if electrode RC and sensor lag still remain possible, measure {found.measure}." in found.sentence
     assert found.summary.undecided == found.undecided
 
 
