@@ -198,8 +198,10 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
 
     Parameters
     ----------
-    model, operating_input
-        As in `equilibrium`.
+    model : NarxModel
+        Identified model.
+    operating_input : array_like, shape () or (n_inputs,), optional
+        Constant inputs ubar, in their units; the mean of the training inputs by default.
 
     Returns
     -------

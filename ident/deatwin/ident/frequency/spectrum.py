@@ -66,10 +66,19 @@ def output_orders(
 ) -> tuple[FrequencyResponse, ...]:
     """Compute the spectra Y_1, ..., Y_N of the orders of the steady-state output under a periodic input.
 
+    If the excitation is multiplied by a factor, Y_n grows with the n-th power of this factor.
+
     Parameters
     ----------
-    model, excitation, order, operating_input
-        As in `output_spectrum`.
+    model : NarxModel
+        Model of one output.
+    excitation : array_like, shape (n_samples,), or (n_inputs, n_samples) for several inputs
+        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
+        unit.
+    order : int
+        Highest order N, at least 1.
+    operating_input : float, or array_like of shape (n_inputs,), optional
+        Constant input about which the model is expanded, in its unit; the mean of the training inputs by default.
 
     Returns
     -------

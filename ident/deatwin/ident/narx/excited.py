@@ -138,7 +138,12 @@ def excitation(recording: Recording) -> Excitation:
     Parameters
     ----------
     recording : Recording
-        As in `excited_band`, with the same errors.
+        Recording whose first input is analysed. Its mean and its linear trend are removed first.
+
+    Raises
+    ------
+    DataError
+        If the input is constant, a ramp, or shorter than 64 samples.
 
     References
     ----------

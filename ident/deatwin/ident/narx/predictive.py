@@ -54,8 +54,14 @@ class PredictiveBand(Described):
         Lower and upper end of the band, in the recording's units.
     level : float
         Probability that the interval at any one time contains a new measurement.
-    measured, timepts, first, units
-        As in `NarxResponse`.
+    measured : ndarray, shape (n_outputs, n)
+        Measured outputs, in the recording's units.
+    timepts : ndarray, shape (n,)
+        Times of the samples on the recording's clock in s.
+    first : int
+        Index of the first predicted sample.
+    units : tuple of str
+        Unit of each output.
     draws : int
         Number of free runs, each with parameters drawn from the posterior; 0 for a one-step prediction.
     diverged : int
@@ -164,14 +170,16 @@ def free_run_band(
 
     Parameters
     ----------
-    model, level
-        As in `one_step_band`.
+    model : NarxModel
+        Model with its covariance, degrees of freedom and noise variance.
     recording : Recording
         Inputs and outputs in the model's units; the first ``model.table.max_lag`` outputs start the runs.
     rng : numpy.random.Generator
         Random generator for the draws.
     n_draws : int
         Number of runs.
+    level : float
+        Probability that the band at any one time contains a new measurement, between 0 and 1.
     output_noise : float or array_like of shape (n_outputs,), optional
         Standard deviation of noise on the readings, in the outputs' units, which replaces the noise in the equation.
         After `Grow` or `refine`, use the free-run error on the training data, ``model.simulate(training).rms_error``.

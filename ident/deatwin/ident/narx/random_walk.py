@@ -39,7 +39,8 @@ class ThetaSmoother(VaryingParameters):
     Parameters
     ----------
     terms : NarxModel, sequence of Term or str, or mapping of str to such sequences
-        As in `Rls`.
+        Fixed structure: a model, whose terms are used, or terms such as ``["y(k-1)", "u(k-1)^2"]``. For several
+        outputs, give the terms of each equation: ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
     drift : str
         Model of the variance of w. "each" estimates one variance for each parameter. "common" estimates a single
         variance, for regressors scaled to a root mean square of 1.

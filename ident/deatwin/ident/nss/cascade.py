@@ -67,8 +67,20 @@ class Cascade(StateSpaceIdentifier):
     model_ : NonlinearStateSpace
         The identified model. Its `directions`, the weighted sums to which the static functions are applied, are the
         signals between the blocks.
-    status_, linear_error_, error_, held_out_error_, first_states_
-        As in `StateSpaceIdentifier`.
+    status_ : FitStatus
+        Outcome. ``DONE``: the gradient of the error over all samples is small. ``INTERRUPTED``: the fit was ended by
+        Ctrl-C. ``HELD_OUT``: the held-out error stopped falling, so the fit deliberately ended before the minimum.
+        ``NOT_CONVERGED``: the fit reached `max_steps`, or no further step lowered the error.
+    linear_error_ : ndarray, shape (1,)
+        Rms free-run error of the initial linear model over all samples, in the output's unit.
+    error_ : ndarray, shape (1,)
+        Rms free-run error of ``model_`` over all samples, in the output's unit.
+    held_out_error_ : ndarray, shape (1,)
+        Rms free-run error on the held-out samples, in the output's unit, before the model is refitted to all samples;
+        NaN if no samples are held out.
+    first_states_ : ndarray, shape (n_recordings, n_states)
+        State of the model at the first sample of each recording: the argument ``initial`` of
+        `NonlinearStateSpace.simulate`.
 
     References
     ----------

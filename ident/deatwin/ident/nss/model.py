@@ -50,8 +50,8 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         Matrix V, with columns in the same order.
     directions : array_like, shape (n_directions, n_regressors), optional
         Matrix P, with columns in the same order; no directions if omitted.
-    sample_time, input_names, output_names, input_units, output_units, provenance
-        As in `NarxModel`; all but the first are optional.
+    sample_time : float
+        Sampling interval in s.
     free_directions, free_transition, free_output : array_like of bool, optional
         True for each weight of P, W and V that was estimated (a free weight); all are free if omitted.
     theta_cov : array_like, shape (n_theta, n_theta), optional
@@ -60,8 +60,12 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         variance.
     noise_variance : array_like, shape (n_outputs,), optional
         Variance of the noise e, in the squared units of the outputs; zero if omitted.
+    input_names, output_names, input_units, output_units : sequence of str, optional
+        Names and units of the signals.
     input_origin, input_scale, output_origin, output_scale : array_like, optional
         Origins and scales of the signals, in their units; 0 and 1 if omitted.
+    provenance : mapping of str to str
+        Notes on the origin of the model, such as the identifier and the recordings.
 
     Raises
     ------

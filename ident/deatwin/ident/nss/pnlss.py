@@ -22,15 +22,17 @@ from deatwin.plant.recording import Recording
 class Pnlss(StateSpaceIdentifier):
     """Estimator of state spaces with polynomial and other nonlinear terms; it minimises the free-run error.
 
-    Subspace identification finds a linear state space from the best linear approximation if the input is periodic,
-    otherwise from the samples; it is refined to the smallest free-run error. Its states x1, x2, ... are transformed so
-    that x1 is roughly the first output, x2 the rate of x1, and so on, each with an rms value of about one and
-    uncorrelated with the earlier ones.
+    The estimator starts from a linear state space. Subspace identification finds this linear model from the best linear
+    approximation if the input is periodic, otherwise from the samples; its weights are then refined to the smallest
+    free-run error. Its states x1, x2, ... are transformed so that x1 is roughly the first output, x2 the rate of x1,
+    and so on. Each state has an rms value of about one and is uncorrelated with the earlier states.
 
-    All weights of the nonlinear model are then fitted by the Levenberg-Marquardt method. The first search ends when the
-    free-run error on the held-out end of each recording no longer falls. A second search fits all samples: from the
-    result of the first if the held-out error was still falling, otherwise from the linear model, for as many steps as led
-    to the smallest held-out error. It is used only if its error over all samples is smaller than that of the first.
+    All weights of the nonlinear model are then fitted by the Levenberg-Marquardt method, in two searches. In the first
+    search, the end of each recording is held out, and the search ends when the free-run error on the held-out samples
+    no longer falls. The second search fits all samples. If the held-out error was still falling, the second search
+    continues from the result of the first. Otherwise the second search starts again from the linear model and takes as
+    many steps as the first search took to its smallest held-out error. The result of the second search is used
+    only if its error over all samples is smaller than that of the first result.
 
     Parameters
     ----------
@@ -64,8 +66,20 @@ class Pnlss(StateSpaceIdentifier):
     ----------
     model_ : NonlinearStateSpace
         The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
-    status_, linear_error_, error_, held_out_error_, first_states_
-        As in `StateSpaceIdentifier`.
+    status_ : FitStatus
+        Outcome. ``DONE``: the gradient of the error over all samples is small. ``INTERRUPTED``: the fit was ended by
+        Ctrl-C. ``HELD_OUT``: the held-out error stopped falling, so the fit deliberately ended before the minimum.
+        ``NOT_CONVERGED``: the fit reached `max_steps`, or no further step lowered the error.
+    linear_error_ : ndarray, shape (n_outputs,)
+        Rms free-run error of the initial linear model over all samples, in the outputs' units.
+    error_ : ndarray, shape (n_outputs,)
+        Rms free-run error of ``model_`` over all samples, in the outputs' units.
+    held_out_error_ : ndarray, shape (n_outputs,)
+        Rms free-run error on the held-out samples, in the outputs' units, before the model is refitted to all samples;
+        NaN if no samples are held out.
+    first_states_ : ndarray, shape (n_recordings, n_states)
+        State of the model at the first sample of each recording: the argument ``initial`` of
+        `NonlinearStateSpace.simulate`.
 
     References
     ----------

@@ -12,7 +12,7 @@ from deatwin.app.check_report.figures import draw_margins, draw_nyquist, draw_ot
 from deatwin.app.check_report.view import View
 from deatwin.control import Check, PidGains, Verdict
 from deatwin.control.checking.amounts import amount
-from deatwin.control.checking.rows import BAND, LOWS
+from deatwin.control.checking.rows import BAND
 from deatwin.control.checking.specification import Limit
 from deatwin.control.checking.verdict import Finding
 from deatwin.plant.amplitudes import written_amplitude

@@ -102,8 +102,10 @@ class Drift:
     ----------
     name : str
         Name of the recording.
-    order, from_Hz, to_Hz
-        As in `Difference`.
+    order : int
+        Order n of the generalised frequency response H_n (`gfrf`).
+    from_Hz, to_Hz : float
+        Edges of the band of output frequencies, Hz.
     test : Equality
         Test of the hypothesis that there is no drift.
     adjusted : float

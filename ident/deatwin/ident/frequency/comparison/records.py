@@ -83,14 +83,20 @@ def compare_records(
         sampling time and about the same length.
     terms : NarxModel, or sequence of Term or str
         Terms of the model that is fitted to each recording.
-    orders, bands, input_band, least
-        As in `compare`.
+    orders : iterable of int
+        Orders n of H_n, up to 5.
+    bands : sequence of (float, float)
+        Bands of output frequencies w_1 + ... + w_n, Hz.
     operating_input : float, optional
         Constant input about which all models are expanded, in the input's unit. By default the mean input of all
         recordings.
+    input_band : tuple of float, optional
+        Lowest and highest input frequency w_i, Hz; by default 0 and the highest edge of the bands.
     level : float
         Probability of finding at least one difference although there is none, and of finding at least one drift
         although there is none. The p-values are corrected for the number of tests (Holm).
+    least : float
+        Largest difference that is ignored, as a share of the root mean square gain in the band.
     n_slow : int
         Number of cosines that model the drift. The first has half a period in the recording, the second one period, and
         so on.

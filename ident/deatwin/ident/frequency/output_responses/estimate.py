@@ -112,11 +112,16 @@ def nofrf_exact(
 
     Parameters
     ----------
-    model, excitation, operating_input
-        As in `output_spectrum`.
+    model : NarxModel
+        Model of one output.
+    excitation : array_like, shape (n_samples,), or (n_inputs, n_samples) for several inputs
+        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
+        unit.
     order : int, or mapping of str to int
         Order n, at least 1. With several inputs, a mapping from each input's name to its power, such as
         ``{"u1": 1, "u2": 1}``; inputs that are not named have power 0.
+    operating_input : float, or array_like of shape (n_inputs,), optional
+        Constant input about which the model is analysed, in its unit; the mean of the training inputs by default.
 
     Returns
     -------

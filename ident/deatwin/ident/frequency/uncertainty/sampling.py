@@ -49,8 +49,12 @@ class Sampled(Uncertain):
 
     Parameters
     ----------
-    response, level, dof
-        As in `Propagated`, with n points.
+    response : FrequencyResponse
+        Frequency response at the estimated parameters, with n points.
+    level : float
+        Default coverage probability of the confidence regions and bands.
+    dof : float
+        Degrees of freedom of the Student-t posterior of the parameters; infinite if the posterior is normal.
     draws : ndarray of complex, shape (n_kept, n)
         Response at each draw that was kept, in the response's unit.
     n_without : int
@@ -138,13 +142,18 @@ def sample(
 
     Parameters
     ----------
-    model, quantity, level
-        As in `propagate`. The posterior of the parameters is Student-t if the model's ``theta_dof`` is finite, and normal
-        otherwise.
+    model : NarxModel
+        Model with the covariance ``theta_cov`` of its parameters. Their posterior is Student-t if ``theta_dof`` is
+        finite, and normal otherwise.
+    quantity : callable
+        Function that takes a model and returns a FrequencyResponse, for example
+        ``partial(gfrf, order=1, omega=omega)``.
     rng : numpy.random.Generator
         Random generator for the draws.
     n_draws : int
         Number of draws, at least 2.
+    level : float
+        Default coverage probability of the confidence regions and bands.
 
     Raises
     ------

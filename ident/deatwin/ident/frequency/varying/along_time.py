@@ -51,8 +51,10 @@ def tv_gfrf(
     ----------
     trajectory : ThetaTrajectory
         Parameters theta(t) of a model of one input and one output.
-    order, omega
-        As in `gfrf`.
+    order : int
+        Order n, from 1 to 8.
+    omega : array_like, shape (n_values,) for order 1, else (n_values, order)
+        Angular frequencies, rad/s, in the form that `gfrf` takes.
     timepts : array_like, shape (n_times,), optional
         Increasing times, s. The parameters at each time are those of the nearest time of the trajectory. By default the
         times of the trajectory, thinned evenly to at most 200.
@@ -107,8 +109,13 @@ def tv_nofrf(
         One period of the input minus `operating_input`, at the model's sample time, in the input's unit.
     order : int
         Order n, at least 1.
-    timepts, operating_input, progress
-        As in `tv_gfrf`.
+    timepts : array_like, shape (n_times,), optional
+        Increasing times, s; see `tv_gfrf`.
+    operating_input : array_like, shape () or (n_times,), optional
+        Input at the operating point, in its unit: one value, or one for each time. By default the mean of the training
+        inputs.
+    progress : callable, optional
+        Callback that receives the completed share, from 0 to 1, and the name of the current step.
 
     Returns
     -------

@@ -142,10 +142,16 @@ class Armax(LinearIdentifier):
 
     Parameters
     ----------
-    na, nb, nk, offset
-        As in `Arx`.
+    na : int
+        Order of A.
+    nb : int or sequence of int
+        Number of coefficients of each B_i; a single number applies to all inputs.
     nc : int
         Order of C.
+    nk : int or sequence of int
+        Delay of each input in samples.
+    offset : bool
+        True to estimate the offset; if False, the offset is 0.
 
     References
     ----------
@@ -172,10 +178,14 @@ class OutputError(LinearIdentifier):
 
     Parameters
     ----------
-    nb, nk, offset
-        As in `Arx`.
+    nb : int or sequence of int
+        Number of coefficients of each B_i; a single number applies to all inputs.
     nf : int or sequence of int
         Order of each F_i; a single number applies to all inputs.
+    nk : int or sequence of int
+        Delay of each input in samples.
+    offset : bool
+        True to estimate the offset; if False, the offset is 0.
 
     References
     ----------
@@ -198,12 +208,18 @@ class BoxJenkins(LinearIdentifier):
 
     Parameters
     ----------
-    nb, nk, offset
-        As in `Arx`.
-    nc, nd : int
-        Orders of C and D.
+    nb : int or sequence of int
+        Number of coefficients of each B_i; a single number applies to all inputs.
+    nc : int
+        Order of C.
+    nd : int
+        Order of D.
     nf : int or sequence of int
         Order of each F_i; a single number applies to all inputs.
+    nk : int or sequence of int
+        Delay of each input in samples.
+    offset : bool
+        True to estimate the offset; if False, the offset is 0.
 
     References
     ----------

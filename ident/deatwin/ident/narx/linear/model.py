@@ -97,8 +97,12 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         Covariance of the free coefficients (``theta``); zero if omitted. It is valid only if the residuals are white.
     noise_variance : float
         Variance of e(k), square of the output's unit.
-    sample_time, input_names, output_names, input_units, output_units, provenance
-        As in `NarxModel`.
+    sample_time : float
+        Sample time, s.
+    input_names, output_names, input_units, output_units : tuple of str
+        Names and units of the signals.
+    provenance : mapping of str to str
+        Notes on the origin of the model, such as the identifier and the recordings.
 
     Raises
     ------
