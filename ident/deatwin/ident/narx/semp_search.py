@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,6 @@ from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.response import DIVERGED
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.arrays import Array, Booleans, Integers
-
-if TYPE_CHECKING:
-    from deatwin.ident.narx.semp import Semp
 
 _SECTIONS = 20  # enough to know the variance of a mean (Schmeiser, Oper. Res. 30 (1982) 556-568), and long enough each
 _STEPS = 4  # most steps, times max_terms: a search that still changes terms then makes no progress
@@ -54,10 +51,20 @@ class SempStep:
     msse: float
 
 
+class SempSettings(Protocol):
+    """The settings of `Semp` that its search follows."""
+
+    max_terms: int
+    threshold: float | None
+    level: float
+    significance: float | None
+    max_exchanges: int
+
+
 class SempSearch:
     """Search of `Semp`, step by step, with errors as sums of squares over each section of the records."""
 
-    def __init__(self, settings: Semp, data: Regression) -> None:
+    def __init__(self, settings: SempSettings, data: Regression) -> None:
         self.settings = settings
         self.data = data
         self.regression = CompressedRegression.of(data)

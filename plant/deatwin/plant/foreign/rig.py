@@ -147,7 +147,18 @@ class ForeignRig(Rig):
         return build.place(Place.SENSOR, "reading", before + share * (after - before))
 
     def runner(self, simulator: Simulator, parameters: ParameterSet) -> Runner:
-        return ForeignRunner(rig=self, simulator=simulator, parameters=parameters)
+        return ForeignRunner(
+            model=self.model,
+            own=self.parameters,
+            channels=self.channels,
+            input_name=self.input_name,
+            output_name=self.output_name,
+            reading=self.reading,
+            step=self.step,
+            longest=self.longest,
+            simulator=simulator,
+            parameters=parameters,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data. A function is stored by its name: import its module before you call `from_dict`."""

@@ -1,23 +1,21 @@
-"""Simulation of a foreign model between the effects before and after it, with derivatives by differences.
+"""Simulation of a foreign model between the effects before and behind it, with derivatives by differences.
 
-A first run of the equations gives the model's inputs; in a second run, its readings pass the sensor.
+The equations of drive and sensor run twice. A first run gives the commands, and the parameters that vary; with these
+the model is called; in a second run its readings, linear within a sample, pass the sensor.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
 
 import numpy as np
 
 from deatwin.plant.arrays import Array
-from deatwin.plant.foreign.calls import Answer, Call, answers
+from deatwin.plant.foreign.calls import Answer, Call, Model, answers
 from deatwin.plant.parameters import Parameter, ParameterSet, Scale
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.simulate import Given, Progress, Run, RunStatus, Simulator
-
-if TYPE_CHECKING:
-    from deatwin.plant.foreign.rig import ForeignRig
 
 APPLIED = "applied_command"
 """Watched signal: in the equations, the integral of the command since the start; in results, its mean over a sample."""
@@ -30,9 +28,16 @@ OF_RANGE = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class ForeignRunner:
-    """Run a plant with a foreign model; `simulator` has the equations around it."""
+    """Run a plant with a foreign model; `simulator` has the equations around it, a `ForeignRig` the rest."""
 
-    rig: ForeignRig
+    model: Model
+    own: tuple[Parameter, ...]  # Parameters of the model
+    channels: tuple[tuple[str, float], ...]
+    input_name: str
+    output_name: str
+    reading: ReadingTime
+    step: float
+    longest: float
     simulator: Simulator
     parameters: ParameterSet  # Parameters of the whole plant
 
@@ -42,7 +47,7 @@ class ForeignRunner:
         called = around.call(values)
         if isinstance(called, Run):
             return called
-        (answer,) = answers(self.rig.model, [called], self.rig.longest)
+        (answer,) = answers(self.model, [called], self.longest)
         return around.read(answer, values, called)
 
     def run_with_sensitivities(self, commands: np.ndarray, **given: Unpack[Given]) -> Run:
@@ -60,7 +65,7 @@ class ForeignRunner:
                 called = around.call(there)
                 if isinstance(called, Call) and called.digest() != digest:
                     moved[number, side] = (there, called)
-        first, *others = answers(self.rig.model, [base, *(call for _, call in moved.values())], self.rig.longest)
+        first, *others = answers(self.model, [base, *(call for _, call in moved.values())], self.longest)
         run = around.read(first, values, base, sensitive=True)
         if not run.status.ok or run.sensitivities is None:
             return run
@@ -81,11 +86,10 @@ class ForeignRunner:
 
     def _ends(self, parameter: Parameter, value: float) -> tuple[float, float]:
         """Return two values on either side of one, inside the range."""
-        step = self.rig.step
-        width = step * abs(value)
+        width = self.step * abs(value)
         if parameter.scale is Scale.LINEAR and np.isfinite(parameter.upper - parameter.lower):
-            width = max(width, step * OF_RANGE * (parameter.upper - parameter.lower))
-        width = width or step
+            width = max(width, self.step * OF_RANGE * (parameter.upper - parameter.lower))
+        width = width or self.step
         return max(value - width, parameter.lower), min(value + width, parameter.upper)
 
 
@@ -93,18 +97,18 @@ class _Around:
     """The parts of a plant before and after the model, in one experiment."""
 
     def __init__(self, runner: ForeignRunner, commands: np.ndarray, given: Given) -> None:
-        self._rig, self._simulator, self._parameters = runner.rig, runner.simulator, runner.parameters
+        self._runner, self._simulator, self._parameters = runner, runner.simulator, runner.parameters
         self._commands, self._given = commands, given
         self._channels = given.get("channels") or {}
         self._time: Array = given["start"] + given["sample_time"] * np.arange(commands.size, dtype=float)
 
     def call(self, values: np.ndarray) -> Call | Run:
         """Return the arguments for the model, or the failed run."""
-        rig = self._rig
+        runner = self._runner
         numbers = dict(zip(self._parameters.free, values, strict=True))
-        parameters = {p.name: float(numbers.get(p.name, p.value)) for p in rig.parameters}
-        inputs = {name: self._channel(name, default) for name, default in rig.channels}
-        inputs = {rig.input_name: np.asarray(self._commands, dtype=float), **inputs}
+        parameters = {p.name: float(numbers.get(p.name, p.value)) for p in runner.own}
+        inputs = {name: self._channel(name, default) for name, default in runner.channels}
+        inputs = {runner.input_name: np.asarray(self._commands, dtype=float), **inputs}
         if self._simulator.equations.signals:
             given: Given = {**self._given, "values": values}
             run = self._simulator.run(self._commands, **given)
@@ -112,17 +116,17 @@ class _Around:
                 return replace(run, outputs=run.outputs[:0], watched=None, failed_at=None)
             for name, signal in zip(self._simulator.equations.signals, run.watched, strict=True):
                 if name == APPLIED:
-                    inputs[rig.input_name] = np.diff(signal, prepend=0.0) / self._given["sample_time"]
+                    inputs[runner.input_name] = np.diff(signal, prepend=0.0) / self._given["sample_time"]
                 elif name.startswith(VARYING):
                     parameters[name.removeprefix(VARYING)] = signal
-        return Call(parameters=parameters, inputs=inputs, time=self._time, output=rig.output_name)
+        return Call(parameters=parameters, inputs=inputs, time=self._time, output=runner.output_name)
 
     def read(self, answer: Answer, values: np.ndarray, call: Call, *, sensitive: bool = False) -> Run:
         """Simulate the sensor that reads an answer, optionally with derivatives by parameters after the model."""
         if answer.readings is None:
             return _failed(answer.fault)
         readings = answer.readings
-        if self._rig.reading is ReadingTime.START_OF_HOLD:
+        if self._runner.reading is ReadingTime.START_OF_HOLD:
             before, after = readings, np.concatenate([readings[1:], readings[-1:]])
         else:
             before, after = np.concatenate([readings[:1], readings[:-1]]), readings
@@ -138,7 +142,7 @@ class _Around:
         if watched is None or APPLIED not in self._simulator.equations.signals:
             return watched
         row = self._simulator.equations.signals.index(APPLIED)
-        return np.insert(np.delete(watched, row, axis=0), row, call.inputs[self._rig.input_name], axis=0)
+        return np.insert(np.delete(watched, row, axis=0), row, call.inputs[self._runner.input_name], axis=0)
 
     def _channel(self, name: str, default: float) -> Array:
         given = self._channels.get(name)
