@@ -10,6 +10,7 @@ from deatwin.ident.narx.criteria import split
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.identifier import Progress
+from deatwin.ident.narx.joined import Joined
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.refine import extensions, prunings
 from deatwin.ident.narx.regression import Regression
@@ -100,10 +101,11 @@ class GrowSearch:
 
 def run_error(model: NarxModel, recordings: tuple[Recording, ...]) -> float:
     """Return the root mean square of the free-run error over recordings; infinite if a run diverges."""
-    runs = [model.simulate(record) for record in recordings]
-    if not all(run.status.ok for run in runs):
+    joined = Joined.of(model, recordings)
+    run, failed = joined.run(model)
+    if failed is not None:
         return float("inf")
-    return float(np.sqrt(np.mean(np.concatenate([run.residuals[0] for run in runs]) ** 2)))
+    return float(np.sqrt(np.mean((joined.outputs - run)[0, joined.samples(model.table.max_lag)] ** 2)))
 
 
 def linear_start(data: Regression) -> NarxModel:

@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.narx.covariance import gram_inverse_root
+from deatwin.ident.narx.joined import Joined
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.refine import sensitivities
+from deatwin.ident.narx.refine import tangent
 from deatwin.plant.arrays import Array
 from deatwin.plant.recording import Recording
 
@@ -22,17 +23,15 @@ def with_correlated_error(model: NarxModel, recordings: Sequence[Recording]) -> 
     """Return a model of least free-run error on recordings, with the covariance of correlated errors."""
     from scipy.linalg import matmul_toeplitz
 
-    slopes = [sensitivities(model, record) for record in recordings]
-    errors = [model.simulate(record).residuals[0] for record in recordings]
-    correlation = autocovariance(errors)
-    joined = np.concatenate(slopes)
-    root = gram_inverse_root(joined)
+    slopes, errors = tangent(model, joined := Joined.of(model, recordings))
+    first = model.table.max_lag
+    correlation = autocovariance(joined.apart(errors, first))
+    root = gram_inverse_root(slopes)
     middle = np.zeros((root.shape[1],) * 2)
-    for part in slopes:
+    for part in joined.apart(slopes, first):
         directions = part @ root  # orthonormal over all recordings
         middle += directions.T @ matmul_toeplitz(correlation[: len(part)], directions, check_finite=False)
-    samples = len(joined)
-    spread = 0.5 * samples / max(samples - model.theta.size, 1) * (middle + middle.T)
+    spread = 0.5 * errors.size / max(errors.size - model.theta.size, 1) * (middle + middle.T)
     return replace(model, theta_cov=root @ spread @ root.T)
 
 
