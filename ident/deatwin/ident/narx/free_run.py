@@ -205,10 +205,8 @@ class March:
         """Return the first sample of each section and the one after its last."""
         begins = np.concatenate([[0], self.ends[:-1]]) + self.first
         parts = zip(begins, self.ends, np.broadcast_to(counts, self.ends.shape), strict=True)
-        edges = [begin + (np.arange(n + 1) * (end - begin)) // n for begin, end, n in parts]
-        return tuple(
-            np.concatenate(each).astype(np.int64) for each in zip(*((e[:-1], e[1:]) for e in edges), strict=True)
-        )
+        edges = [(begin + (np.arange(n + 1) * (end - begin)) // n).astype(np.int64) for begin, end, n in parts]
+        return np.concatenate([edge[:-1] for edge in edges]), np.concatenate([edge[1:] for edge in edges])
 
     def _plain_errors(self, chosen: Integers, theta: Array, limits: Array, starts: Integers, stops: Integers) -> Array:
         """Return the sums of squared errors of one model, without the kernel."""
