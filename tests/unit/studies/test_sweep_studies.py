@@ -122,6 +122,11 @@ def test_work_that_could_hold_unseen_values_is_refused(tmp_path, unfit):
         ([{"value": 1}, {"value": 1}], "case 1 occurs twice"),
         ([{"value": float("nan")}], "case 0: value is nan"),
         ([{"value": [1]}], r"case 0: value is \[1\]; it must be a finite number"),
+        ([{"value": 1}, "value"], "case 1 is 'value'; it must be a mapping of names to values"),
+        ([{1: 2}], "case 0 is {1: 2}; it must be a mapping of names to values"),
+        ({"value": 1}, "cases = {'value': 1}; give a sequence of cases"),
+        (None, "cases = None; give a sequence of cases"),
+        ("value", "cases = 'value'; give a sequence of cases"),
     ],
 )
 def test_cases_that_cannot_be_told_apart_or_written_are_refused(tmp_path, cases, words):

@@ -58,12 +58,21 @@ def split(
 def free_run_errors(data: Regression, recordings: Sequence[Recording], theta: Array) -> Array:
     """Return mean squared free-run errors (n_models,) of one equation; other outputs are taken as measured."""
     chosen = np.tile(np.arange(theta.shape[1]), (len(theta), 1))
-    total, samples = np.zeros(len(theta)), 0
-    for record in recordings:
-        inputs, outputs = data.scaled(record)
-        own = outputs[[data.output]]
-        known = {"u": inputs, "y": outputs}
-        march = March.of(data.scaled_table.terms, known, "y", own, first=data.first, alone=data.output)
-        total += march.squared_errors(chosen, theta, limit=DIVERGED).sum(axis=1)
-        samples += record.n_samples - data.first
-    return total / samples
+    errors = march_over(data, recordings).squared_errors(chosen, theta, limit=DIVERGED)
+    return errors.sum(axis=1) / sum(record.n_samples - data.first for record in recordings)
+
+
+def march_over(data: Regression, recordings: Sequence[Recording]) -> March:
+    """Return the march of one equation over recordings, with other outputs as measured."""
+    inputs, outputs = (
+        np.concatenate(each, axis=1) for each in zip(*(data.scaled(record) for record in recordings), strict=True)
+    )
+    return March.of(
+        data.scaled_table.terms,
+        {"u": inputs, "y": outputs},
+        "y",
+        outputs[[data.output]],
+        first=data.first,
+        alone=data.output,
+        ends=np.cumsum([record.n_samples for record in recordings]),
+    )

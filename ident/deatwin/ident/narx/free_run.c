@@ -22,7 +22,9 @@ typedef struct {
     const integer *marched_start;  /* [n_monomials + 1] into marched_offset */
     const integer *marched_offset; /* a factor of a monomial is x[k + offset] */
     const double *shapes;          /* [n_shapes][7] row of the argument, number, difference, gain, unit, p, q */
-    integer n_outputs, n_shapes, first, n; /* outputs; functions of them; the first sample to compute; samples */
+    const integer *ends;           /* [n_records] the sample after each record; records follow one another */
+    integer n_outputs, n_shapes, n_records;
+    integer first, n; /* the first sample to compute in each record; all samples */
 } terms;
 
 typedef struct {
@@ -92,31 +94,33 @@ static integer march(const terms *t, const model *m, const double *base, double 
     return to;
 }
 
-/* Run one model over all samples of x; the sample of the divergence, or n.
+/* Run one model over all samples of x; the sample of the first divergence, or n. limits[r] belongs to record r.
    places: 3 n_terms + n_outputs numbers of work; coefficient: n_terms * BLOCK. */
 integer deatwin_run(const terms *t, integer n_terms, const integer *chosen, const double *theta, const double *base,
-                    double limit, double *x, integer *places, double *coefficient) {
+                    const double *limits, double *x, integer *places, double *coefficient) {
     model m = slots(t, n_terms, chosen, places, coefficient);
-    for (integer from = t->first; from < t->n; from += BLOCK) {
-        integer to = from + BLOCK < t->n ? from + BLOCK : t->n;
-        collect(t, &m, n_terms, chosen, theta, from, to);
-        integer reached = march(t, &m, base, limit, from, to, x);
-        if (reached < to) return reached;
+    for (integer r = 0, begin = 0; r < t->n_records; begin = t->ends[r++]) {
+        for (integer from = begin + t->first; from < t->ends[r]; from += BLOCK) {
+            integer to = from + BLOCK < t->ends[r] ? from + BLOCK : t->ends[r];
+            collect(t, &m, n_terms, chosen, theta, from, to);
+            integer reached = march(t, &m, base, limits[r], from, to, x);
+            if (reached < to) return reached;
+        }
     }
     return t->n;
 }
 
 /* Sums of squared simulation errors of model j = (chosen, theta)[j], of one output that was measured, over each section
-   of the samples; stop[i] ends section i. After a divergence they are infinite.
+   of the samples, from start[i] to before stop[i]. After a divergence they are infinite.
    x: (1 + n_shapes) n numbers of work, whose rows begin with the first measured ones. */
 void deatwin_errors(const terms *t, integer n_models, integer n_terms, const integer *chosen, const double *theta,
-                    integer n_sections, const integer *stop, const double *measured, double limit, double *sums,
-                    double *x, integer *places, double *coefficient) {
+                    integer n_sections, const integer *start, const integer *stop, const double *measured,
+                    const double *limits, double *sums, double *x, integer *places, double *coefficient) {
     for (integer j = 0; j < n_models; j++, chosen += n_terms, theta += n_terms, sums += n_sections) {
-        integer reached = deatwin_run(t, n_terms, chosen, theta, 0, limit, x, places, coefficient);
-        for (integer i = 0, k = t->first; i < n_sections; i++) {
+        integer reached = deatwin_run(t, n_terms, chosen, theta, 0, limits, x, places, coefficient);
+        for (integer i = 0; i < n_sections; i++) {
             sums[i] = reached < t->n ? INFINITY : 0;
-            for (; k < stop[i]; k++) sums[i] += (measured[k] - x[k]) * (measured[k] - x[k]);
+            for (integer k = start[i]; k < stop[i]; k++) sums[i] += (measured[k] - x[k]) * (measured[k] - x[k]);
         }
     }
 }

@@ -55,11 +55,12 @@ def innovations(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class March:
-    """Terms over one recording, arranged for a recursion over its samples."""
+    """Terms over recordings that follow one another, arranged for a recursion over the samples of each."""
 
     known: Array  # shape (n_known, n): Signals that are known beforehand
-    start: Array  # shape (n_marched, n): Signals to compute; only the samples before ``first`` are used
-    first: int  # First sample to be computed
+    start: Array  # shape (n_marched, n): Signals to compute; only the samples before ``first`` of a recording are used
+    first: int  # First sample of each recording to be computed
+    ends: Integers  # shape (n_recordings,): Sample after each recording
     derived: tuple[tuple[int, Shape], ...]  # Functions of marched signals, the last rows of ``start``, with their rows
     parts: tuple[Factors, ...]  # Known factors of each term
     monomials: tuple[Factors, ...]  # Products of marched signals that occur in the terms
@@ -77,8 +78,10 @@ class March:
         first: int,
         equations: Sequence[int] | None = None,
         alone: int | None = None,
+        ends: Sequence[int] | Integers | None = None,
     ) -> March:
-        """Arrange terms: `known` signals (n_channels, n) by kind; `start` (n_marched, n) of the marched signals."""
+        """Arrange terms: `known` signals (n_channels, n) by kind; `start` (n_marched, n) of the marched signals. By
+        default, all samples are of one recording."""
         rows = [row for signal in known.values() for row in np.asarray(signal, dtype=np.float64)]
         heights = accumulate([0, *(len(signal) for signal in known.values())])
         begins = dict(zip(known, heights, strict=False))
@@ -107,6 +110,7 @@ class March:
             known=np.array(rows),
             start=np.array(computed),
             first=first,
+            ends=np.array([len(computed[0])] if ends is None else ends, dtype=np.int64),
             derived=tuple(derived),
             parts=parts,
             monomials=tuple(place),
@@ -114,50 +118,69 @@ class March:
             equations=np.array([0] * len(terms) if equations is None else equations, dtype=np.int64),
         )
 
-    def run(self, theta: Array, *, limit: float = math.inf, base: Array | None = None) -> tuple[Array, int | None]:
-        """Run one model with all terms. Shapes: `theta` (n_terms,); `base`, added, and the result (n_marched, n)."""
+    def run(
+        self, theta: Array, *, limit: float | Array = math.inf, base: Array | None = None
+    ) -> tuple[Array, int | None]:
+        """Run one model with all terms until a first divergence. Shapes: `theta` (n_terms,); `limit`, of one or of each
+        recording; `base`, added, and the result (n_marched, n)."""
         x = self.start.copy()
         chosen = np.argsort(self.equations, kind="stable")
         theta = np.ascontiguousarray(theta, dtype=np.float64)[chosen]
         base = None if base is None else np.ascontiguousarray(base, dtype=np.float64)
+        limits = self._limits(limit)
         kernel = self._kernel
         if kernel is None:
-            reached = self._plain(chosen, theta, base, limit, x)
+            reached = self._plain(chosen, theta, base, limits, x)
         else:
             terms, work = ctypes.byref(self._tables), self._work(chosen.size)
-            reached = kernel.deatwin_run(terms, chosen.size, chosen, theta, base, limit, x, *work)
+            reached = kernel.deatwin_run(terms, chosen.size, chosen, theta, base, limits, x, *work)
         x = x[: self.n_outputs]
         if reached == x.shape[1]:
             return x, None
         x[:, reached:] = x[:, [reached - 1]] if reached else 0.0
         return x, int(reached)
 
-    def squared_errors(self, chosen: Integers, theta: Array, *, limit: float, sections: int = 1) -> Array:
-        """Squared errors of many models, (n_models, sections). Shapes: `chosen`, `theta` (n_models, n_terms)."""
+    def squared_errors(
+        self, chosen: Integers, theta: Array, *, limit: float | Array, sections: Sequence[int] | Integers | int = 1
+    ) -> Array:
+        """Squared errors of many models over all sections, (n_models, n_sections), infinite if any diverges. Shapes:
+        `chosen`, `theta` (n_models, n_terms); `sections`, the number of each recording."""
         chosen = np.ascontiguousarray(chosen, dtype=np.int64)
         theta = np.ascontiguousarray(theta, dtype=np.float64)
-        n = self.start.shape[1]
-        stops = self.first + (np.arange(1, sections + 1) * (n - self.first)) // sections
-        sums = np.empty((len(chosen), sections))
+        starts, stops = self._sections(sections)
+        limits = self._limits(limit)
+        sums = np.empty((len(chosen), starts.size))
         kernel = self._kernel
         if kernel is None:
             for into, model in zip(sums, zip(chosen, theta, strict=True), strict=True):
-                into[:] = self._plain_errors(*model, limit, stops)
+                into[:] = self._plain_errors(*model, limits, starts, stops)
             return sums
         terms, run, work = ctypes.byref(self._tables), self.start.copy(), self._work(chosen.shape[1])
-        kernel.deatwin_errors(terms, *chosen.shape, chosen, theta, sections, stops, self.start, limit, sums, run, *work)
+        data = (starts.size, starts, stops, self.start, limits)
+        kernel.deatwin_errors(terms, *chosen.shape, chosen, theta, *data, sums, run, *work)
         return sums
 
-    def _plain_errors(self, chosen: Integers, theta: Array, limit: float, stops: Integers) -> Array:
-        """Return the sum of squared errors of one model, without the kernel."""
+    def _limits(self, limit: float | Array) -> Array:
+        """Return the limit of each recording."""
+        return np.ascontiguousarray(np.broadcast_to(np.asarray(limit, dtype=np.float64), self.ends.shape))
+
+    def _sections(self, counts: Sequence[int] | Integers | int) -> tuple[Integers, Integers]:
+        """Return the first sample of each section and the one after its last."""
+        begins = np.concatenate([[0], self.ends[:-1]]) + self.first
+        parts = zip(begins, self.ends, np.broadcast_to(counts, self.ends.shape), strict=True)
+        edges = [(begin + (np.arange(n + 1) * (end - begin)) // n).astype(np.int64) for begin, end, n in parts]
+        return np.concatenate([edge[:-1] for edge in edges]), np.concatenate([edge[1:] for edge in edges])
+
+    def _plain_errors(self, chosen: Integers, theta: Array, limits: Array, starts: Integers, stops: Integers) -> Array:
+        """Return the sums of squared errors of one model, without the kernel."""
         x = self.start.copy()
-        if self._plain(chosen, theta, None, limit, x) < x.shape[1]:
+        if self._plain(chosen, theta, None, limits, x) < x.shape[1]:
             return np.full(stops.size, math.inf)
         total = np.concatenate([[0.0], np.cumsum((self.start[0] - x[0]) ** 2)])
-        return np.diff(total[[self.first, *stops]])
+        return total[stops] - total[starts]
 
-    def _plain(self, chosen: Integers, theta: Array, base: Array | None, limit: float, x: Array) -> int:
-        """Run the recursion in Python; return the sample of the divergence, or n."""
+    def _plain(self, chosen: Integers, theta: Array, base: Array | None, limits: Array, x: Array) -> int:
+        """Run the recursion in Python; return the sample of the first divergence, or n."""
         n = x.shape[1]
         slots = list(dict.fromkeys((int(self.equations[i]), int(self.monomial[i])) for i in chosen))
         coefficients = np.zeros((len(slots), n - self.first))
@@ -170,9 +193,15 @@ class March:
         bases = np.zeros((self.n_outputs, n)) if base is None else base
         runs: list[list[float]] = x.tolist()
         reached = n
-        for k, row in enumerate(coefficients.T.tolist(), start=self.first):
+        rows = coefficients.T.tolist()
+        begins = [0, *self.ends[:-1].tolist()]
+        for k, limit in (
+            (k, limit)
+            for begin, end, limit in zip(begins, self.ends.tolist(), limits.tolist(), strict=True)
+            for k in range(begin + self.first, end)
+        ):
             values = bases[:, k].tolist()
-            for product, (c, factors) in zip(row, products, strict=True):
+            for product, (c, factors) in zip(rows[k - self.first], products, strict=True):
                 for channel, lag in factors:
                     product *= runs[channel][k - lag]
                 values[c] += product
@@ -197,8 +226,10 @@ class March:
                 for row, f in self.derived
             ]
         ).reshape(-1, 7)
-        arrays = (self.known, *_flat(self.parts, n), self.monomial, self.equations, *_flat(self.monomials, n), numbers)
-        tables = _Terms(*(array.ctypes.data for array in arrays), self.n_outputs, len(numbers), self.first, n)
+        flat = (*_flat(self.parts, n), self.monomial, self.equations, *_flat(self.monomials, n))
+        arrays = (self.known, *flat, numbers, self.ends)
+        addresses = (array.ctypes.data for array in arrays)
+        tables = _Terms(*addresses, self.n_outputs, len(numbers), self.ends.size, self.first, n)
         tables.keep = arrays
         return tables
 
@@ -237,10 +268,10 @@ class _Terms(ctypes.Structure):
     """``terms`` of the kernel; the arrays that it points to are kept in ``keep``."""
 
     keep: tuple[NDArray[np.generic], ...]
-    _POINTERS = "known known_start known_offset monomial equation marched_start marched_offset shapes"
+    _POINTERS = "known known_start known_offset monomial equation marched_start marched_offset shapes ends"
     _fields_ = [
         *((name, ctypes.c_void_p) for name in _POINTERS.split()),
-        *((name, ctypes.c_int64) for name in ("n_outputs", "n_shapes", "first", "n")),
+        *((name, ctypes.c_int64) for name in ("n_outputs", "n_shapes", "n_records", "first", "n")),
     ]
 
 
@@ -254,12 +285,11 @@ def _kernel(_program: str | None) -> ctypes.CDLL | None:
         kernel = ctypes.CDLL(str(library))
     except OSError:  # a cache folder that does not permit execution
         return None
-    terms, integer, number, array = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ArrayPointer
+    terms, integer, array = ctypes.c_void_p, ctypes.c_int64, ArrayPointer
     kernel.deatwin_run.restype = integer
-    kernel.deatwin_run.argtypes = (terms, integer, array, array, array, number, array, array, array)
+    kernel.deatwin_run.argtypes = (terms, integer, *(array,) * 7)
     kernel.deatwin_errors.restype = None
-    sections = (integer, array, array, number)  # their number and stops, the outputs, and the limit
-    kernel.deatwin_errors.argtypes = (terms, integer, integer, array, array, *sections, array, array, array, array)
+    kernel.deatwin_errors.argtypes = (terms, integer, integer, array, array, integer, *(array,) * 8)
     return kernel
 
 

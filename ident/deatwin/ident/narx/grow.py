@@ -14,6 +14,7 @@ from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.excess import noisy_products
 from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
+from deatwin.ident.narx.joined import Joined
 from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.refine import at_least_error, extensions, least_error, prunings, with_correlated_error
@@ -294,10 +295,11 @@ class GrowSearch:
 
 def run_error(model: NarxModel, recordings: tuple[Recording, ...]) -> float:
     """Return the root mean square of the free-run error over recordings; infinite if a run diverges."""
-    runs = [model.simulate(record) for record in recordings]
-    if not all(run.status.ok for run in runs):
+    joined = Joined.of(model, recordings)
+    run, failed = joined.run(model)
+    if failed is not None:
         return float("inf")
-    return float(np.sqrt(np.mean(np.concatenate([run.residuals[0] for run in runs]) ** 2)))
+    return float(np.sqrt(np.mean((joined.outputs - run)[0, joined.samples(model.table.max_lag)] ** 2)))
 
 
 def linear_start(data: Regression) -> NarxModel:

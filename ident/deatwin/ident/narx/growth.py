@@ -13,6 +13,7 @@ import numpy as np
 from deatwin.ident.narx.covariance import gram_inverse_root
 from deatwin.ident.narx.criteria import CRITERIA
 from deatwin.ident.narx.identifier import Progress
+from deatwin.ident.narx.joined import Joined
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.preprocess.stationarity import correlation_samples
 from deatwin.ident.narx.refine import extensions, sensitivities
@@ -95,7 +96,9 @@ def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int])
     sensitivities S = Q R and the rows q of a section, its errors are (I - q q')^-1 e to first order, like leave-one-out
     errors."""
     later = data.first - model.table.max_lag
-    each = [sensitivities(model, record)[later:] for record in data.recordings]
+    joined = Joined.of(model, data.recordings)
+    slopes = joined.apart(sensitivities(model, joined), model.table.max_lag)
+    each = [one[later:] for one in slopes]
     inverse = gram_inverse_root(np.concatenate(each))
     parts = list(zip(_by_sections(run_errors(model, data), sections), _by_sections(each, sections), strict=True))
     found = np.full(len(parts), np.inf)
@@ -110,8 +113,9 @@ def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int])
 
 def run_errors(model: NarxModel, data: Regression) -> list[Array]:
     """Return the free-run errors of each recording from its first fitted sample on, shape (n - first,) each."""
-    later = data.first - model.table.max_lag
-    return [model.simulate(record).residuals[0][later:] for record in data.recordings]
+    joined = Joined.of(model, data.recordings)
+    errors = (joined.outputs - joined.run(model)[0])[0, joined.samples(data.first)]
+    return joined.apart(errors, data.first)
 
 
 def _by_sections(values: Sequence[Array], sections: Sequence[int]) -> list[Array]:

@@ -11,7 +11,7 @@ from scipy.linalg.lapack import dtbtrs
 from deatwin.ident.narx.estimate import Estimate, least_squares
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term, TermTable, derivative
-from deatwin.plant.arrays import Array
+from deatwin.plant.arrays import Array, Integers
 from deatwin.plant.errors import ModelError
 
 _ROUNDS = 12  # Newton's steps for nonlinear recursions of the errors; one that needs more is about to diverge
@@ -47,12 +47,11 @@ def prediction_error_fit(
     errors = _PredictionErrors.of(process, TermTable(tuple(noise_terms)))
     ends = [_minimise(errors, start, tolerance, max_iterations) for start in _starts(errors)]
     point, changes, converged = min(ends, key=lambda end: end[0].square)
-    wanted = np.r_[: len(rows), len(errors.rows) : point.theta.size]
-    variance = point.square / (target.size - wanted.size)
-    norms, _, r = _triangle(point.slopes)
-    root = (np.linalg.pinv(r) / norms[:, None])[wanted]
+    variance = point.square / (target.size - point.theta.size)
+    tangent = _Tangent.of(point)
+    root = np.linalg.pinv(tangent.common) / tangent.sizes[:, None]
     return NoiseFit(
-        estimate=Estimate(theta=point.theta[wanted], theta_cov=variance * (root @ root.T), noise_variance=variance),
+        estimate=Estimate(theta=point.theta, theta_cov=variance * (root @ root.T), noise_variance=variance),
         noise=errors.spread(point.errors),
         changes=tuple(changes),
         converged=converged,
@@ -72,11 +71,12 @@ def noise_rows(data: Regression, table: TermTable, noise: Sequence[Array]) -> Ar
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Parameters with their prediction errors, shape (n_samples,), and slopes, shape (n_terms, n_samples)."""
+    """Parameters and start of e, (n_records, lead), with the prediction errors and their slopes by both."""
 
-    theta: Array
-    errors: Array
-    slopes: Array
+    theta: Array  # shape (n_terms,)
+    start: Array  # shape (n_records, lead): e in the leading samples of each recording
+    errors: Array  # shape (n_samples,), with the leading samples
+    slopes: tuple[Array, ...]  # shape (n, lead + n_terms) of each recording: by its own start, by the parameters
 
     @property
     def square(self) -> float:
@@ -89,35 +89,45 @@ class _PredictionErrors:
 
     process: Regression
     table: TermTable  # The noise terms
-    rows: Array  # shape (n_terms + n_starts, n_samples): Process terms, then one row for each sample of the start
-    target: Array  # shape (n_samples,): Output
+    rows: Array  # shape (n_terms, n_samples): Process terms, zero in the leading samples
+    target: Array  # shape (n_samples,): Output, zero in the leading samples
+    lead: int  # Number of leading samples of each recording
 
     @classmethod
     def of(cls, process: Regression, table: TermTable) -> _PredictionErrors:
         lead = _longest(table)
         rows, target = process.matrix()
-        rows, target = _led(process, lead, rows), _led(process, lead, target[None])[0]
-        starts = np.flatnonzero(_led(process, lead, np.ones((1, process.n_samples)))[0] == 0.0)
-        pulses = np.zeros((starts.size, target.size))
-        pulses[np.arange(starts.size), starts] = 1.0
-        return cls(process, table, np.vstack([rows, pulses]), target)
+        return cls(process, table, _led(process, lead, rows), _led(process, lead, target[None])[0], lead)
+
+    @property
+    def begins(self) -> Integers:
+        """Positions of the recordings' first leading samples."""
+        lengths = [record.n_samples - self.process.first + self.lead for record in self.process.recordings]
+        return np.cumsum([0, *lengths[:-1]])
+
+    @property
+    def rest(self) -> Array:
+        """A start of e at zero."""
+        return np.zeros((len(self.process.recordings), self.lead))
 
     def spread(self, errors: Array) -> tuple[Array, ...]:
         """Return e by recordings, shape (n_outputs, n) each."""
-        return spread(self.process, errors, _longest(self.table))
+        return spread(self.process, errors, self.lead)
 
     def whole(self, errors: Array) -> Array:
         """Return process and noise terms with given e, shape (n_terms, n_samples)."""
         noise = noise_rows(self.process, self.table, self.spread(errors))
-        return np.vstack([self.rows, _led(self.process, _longest(self.table), noise)])
+        return np.vstack([self.rows, _led(self.process, self.lead, noise)])
 
-    def at(self, theta: Array, near: Array) -> _Point | None:
+    def at(self, theta: Array, start: Array, near: Array) -> _Point | None:
         """Solve the recursion of e from a guess; None if it diverges or does not forget its start."""
         errors, limit = near, _ROUNDING * float(np.linalg.norm(self.target))
+        target = self.target.copy()
+        target[np.add.outer(self.begins, np.arange(self.lead))] -= start
         for _ in range(_ROUNDS):
             with np.errstate(over="ignore", invalid="ignore"):
                 terms = self.whole(errors)
-                missed = self.target - theta @ terms - errors
+                missed = target - theta @ terms - errors
                 bands = _bands(self.process, self.table, theta[len(self.rows) :], self.spread(errors))
                 if float(np.linalg.norm(missed)) <= limit:
                     break
@@ -128,8 +138,14 @@ class _PredictionErrors:
             return None
         if not all(map(_forgets, bands)):
             return None
-        slopes = _filtered(bands, terms)
-        return _Point(theta, errors, slopes) if np.all(np.isfinite(slopes)) else None
+        parts = np.split(terms, self.begins[1:], axis=1)
+        slopes = tuple(
+            _filtered([band], np.vstack([np.eye(self.lead, band.shape[1]), part])).T
+            for band, part in zip(bands, parts, strict=True)
+        )
+        if not all(np.all(np.isfinite(slope)) for slope in slopes):
+            return None
+        return _Point(theta, start, errors, slopes)
 
 
 def _starts(errors: _PredictionErrors) -> list[_Point]:
@@ -138,8 +154,8 @@ def _starts(errors: _PredictionErrors) -> list[_Point]:
     left = errors.target - plain @ errors.rows
     theta = np.linalg.lstsq(errors.whole(left).T, errors.target)[0]
     parts = theta[: len(errors.rows)], theta[len(errors.rows) :]
-    first = errors.at(np.concatenate([plain, np.zeros(len(parts[1]))]), left)
-    smaller = (errors.at(np.concatenate([parts[0], parts[1] / 2**n]), left) for n in range(_HALVINGS))
+    first = errors.at(np.concatenate([plain, np.zeros(len(parts[1]))]), errors.rest, left)
+    smaller = (errors.at(np.concatenate([parts[0], parts[1] / 2**n]), errors.rest, left) for n in range(_HALVINGS))
     second = next((point for point in smaller if point is not None), None)
     return [point for point in (first, second) if point is not None]
 
@@ -149,20 +165,18 @@ def _minimise(
 ) -> tuple[_Point, list[float], bool]:
     """Search from a point by damped Gauss-Newton steps."""
     changes: list[float] = []
-    damping, step = 0.0, None
+    damping, tangent = 0.0, None
     for _ in range(max_iterations + 1):
-        if step is None:
-            norms, q, r = _triangle(point.slopes)
-            along = q.T @ point.errors
+        if tangent is None:
+            tangent = _Tangent.of(point)
             size = float(np.sqrt(point.square))
-            changes.append(float(np.linalg.norm(along)) / max(size, np.finfo(float).tiny))
+            changes.append(tangent.explained / max(size, np.finfo(float).tiny))
             if changes[-1] <= tolerance or size <= _ROUNDING * float(np.linalg.norm(errors.target)):
                 return point, changes, True
-        damped = np.vstack([r, np.sqrt(damping) * np.eye(len(r))])
-        step = np.linalg.lstsq(damped, np.concatenate([along, np.zeros(len(r))]))[0] / norms
-        further = errors.at(point.theta + step, point.errors)
+        step, start = tangent.step(damping)
+        further = errors.at(point.theta + step, point.start + start, point.errors)
         if further is not None and further.square <= point.square * (1.0 + _SQUARE_ROUNDING):
-            point, step = further, None
+            point, tangent = further, None
             damping = damping / 10.0 if damping > 1e-6 else 0.0
         else:
             damping = max(10.0 * damping, 1e-3)
@@ -171,12 +185,54 @@ def _minimise(
     return point, changes, False
 
 
-def _triangle(slopes: Array) -> tuple[Array, Array, Array]:
-    """Return norms of rows, shape (n_terms,), and Q and R of the rows divided by them."""
-    norms = np.linalg.norm(slopes, axis=1)
-    norms[norms == 0.0] = 1.0
-    q, r = np.linalg.qr((slopes / norms[:, None]).T)
-    return norms, q, r
+@dataclass(frozen=True, eq=False)
+class _Tangent:
+    """Least squares of the errors along their slopes, as triangles: the start of a recording matters to it alone, so that
+    its rows are eliminated there, and the work grows with the number of recordings and not with its cube."""
+
+    own_sizes: Array  # shape (n_records, lead): Norms of the slopes by the start
+    sizes: Array  # shape (n_terms,): Norms of the slopes by the parameters
+    own: Array  # shape (n_records, lead, lead + n_terms + 1): Rows of the start, and the errors along them
+    common: Array  # shape (n_terms, n_terms): Triangle of what is left, by the parameters
+    along: Array  # shape (n_terms,): The errors along it
+
+    @classmethod
+    def of(cls, point: _Point) -> _Tangent:
+        lead = point.start.shape[1]
+        own_sizes = np.array([_norms(slope[:, :lead]) for slope in point.slopes])
+        sizes = _norms(np.array([np.linalg.norm(slope[:, lead:], axis=0) for slope in point.slopes]))
+        rows, begin = [], 0
+        for slope, own_size in zip(point.slopes, own_sizes, strict=True):
+            q, r = np.linalg.qr(slope / np.concatenate([own_size, sizes]))
+            rows.append(np.column_stack([r, q.T @ point.errors[begin : begin + len(slope)]]))
+            begin += len(slope)
+        own = np.array([each[:lead] for each in rows])
+        q, common = np.linalg.qr(np.concatenate([each[lead:, lead:-1] for each in rows]))
+        return cls(own_sizes, sizes, own, common, q.T @ np.concatenate([each[lead:, -1] for each in rows]))
+
+    @property
+    def explained(self) -> float:
+        """Norm of the errors along all slopes."""
+        return float(np.sqrt(np.sum(self.own[..., -1] ** 2) + self.along @ self.along))
+
+    def step(self, damping: float) -> tuple[Array, Array]:
+        """Return the damped step of the parameters and of the start of e."""
+        lead = self.own.shape[1]
+        weights = np.sqrt(damping) * np.eye(lead, self.own.shape[2])
+        damped = np.concatenate([self.own, np.broadcast_to(weights, self.own.shape)], axis=1)
+        r: Array = np.linalg.qr(damped)[1]
+        left = r[:, lead:, lead:].reshape(-1, self.sizes.size + 1)
+        matrix = np.vstack([self.common, np.sqrt(damping) * np.eye(self.sizes.size), left[:, :-1]])
+        step = np.linalg.lstsq(matrix, np.concatenate([self.along, np.zeros(self.sizes.size), left[:, -1]]))[0]
+        wanted = r[:, :lead, -1] - r[:, :lead, lead:-1] @ step
+        own = (np.linalg.pinv(r[:, :lead, :lead]) @ wanted[..., None])[..., 0]
+        return step / self.sizes, own / self.own_sizes
+
+
+def _norms(rows: Array) -> Array:
+    """Return the norms of columns, 1 for zero."""
+    norms = np.linalg.norm(rows, axis=0)
+    return np.where(norms > 0.0, norms, 1.0)
 
 
 def _longest(table: TermTable) -> int:

@@ -11,7 +11,8 @@ import numpy as np
 from deatwin.ident.arguments import positive, whole_number
 from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.covariance import gram_inverse_root
-from deatwin.ident.narx.model import NarxModel, require_model
+from deatwin.ident.narx.joined import Joined
+from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.terms import Term, TermTable, derivative
 from deatwin.ident.narx.variables import argument_of
@@ -75,14 +76,13 @@ def refine(
     """
     positive(tolerance, "tolerance")
     whole_number(max_steps, "max_steps")
-    chosen = flatten(recordings)
-    search = _Search(model, chosen, max_steps, progress)
+    search = _Search(Joined.of(model, flatten(recordings)), model, max_steps, progress)
     with suppress(KeyboardInterrupt):
         search.run(tolerance)
     found = replace(model, theta=search.best)
-    slopes, errors = _tangent(found, chosen)
-    told = _REFINED if _is_least(slopes, errors, chosen) else f"{_REFINED}, {_STOPPED}"
-    return _refined(found, slopes, errors, chosen, told)
+    slopes, errors = tangent(found, search.joined)
+    told = _REFINED if _is_least(slopes, errors, search.joined) else f"{_REFINED}, {_STOPPED}"
+    return _refined(found, slopes, errors, search.joined, told)
 
 
 def extensions(
@@ -134,13 +134,11 @@ def _gains(model: NarxModel, recordings: tuple[Recording, ...], table: TermTable
     """Return by how much each term lowers the sum of squares of the free-run error, to first order."""
     n = len(model.terms)
     both = TermTable(model.terms + table.terms)
-    gram, moment = np.zeros((len(both.terms),) * 2), np.zeros(len(both.terms))
-    for recording in recordings:
-        run = _run(model, recording)
-        responses = _responses(model, recording, run, both)
-        error = (recording.outputs[0] - run)[both.max_lag :]
-        gram += responses.T @ responses
-        moment += responses.T @ error
+    joined = Joined.of(model, recordings)
+    run = joined.sound_run(model)
+    responses = _responses(model, joined, run, both)
+    error = (joined.outputs - run)[0, joined.samples(both.max_lag)]
+    gram, moment = responses.T @ responses, responses.T @ error
     sizes = np.sqrt(np.diag(gram))  # so that the units of the signals do not decide what is dependent
     sizes[sizes == 0.0] = 1.0
     gram, moment = gram / sizes[:, None] / sizes, moment / sizes
@@ -162,68 +160,58 @@ def _with_term(model: NarxModel, term: Term) -> NarxModel:
     )
 
 
-def sensitivities(model: NarxModel, recording: Recording) -> Array:
-    """Derivatives of a free run by parameters, (n - first, n_terms): s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the
+def sensitivities(model: NarxModel, joined: Joined) -> Array:
+    """Derivatives of free runs by parameters, (n_computed, n_terms): s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the
     slopes a_l of f by y(k-l), as one banded triangular system."""
-    require_model(model).require_one_output("a refinement")
-    return _responses(model, recording, _run(model, recording), model.table)
+    return _responses(model, joined, joined.sound_run(model), model.table)
 
 
-def _responses(model: NarxModel, recording: Recording, run: Array, table: TermTable) -> Array:
-    """Return the change of the run by small coefficients of terms, in the model or not, shape (n - max_lag, n_terms)."""
+def _responses(model: NarxModel, joined: Joined, run: Array, table: TermTable) -> Array:
+    """Return the change of a run (1, n) by small coefficients of terms, in the model or not, shape (n_computed,
+    n_terms)."""
     from scipy.linalg.lapack import dtbtrs
 
-    first, n = max(model.table.max_lag, table.max_lag), recording.n_samples
+    first = max(model.table.max_lag, table.max_lag)
+    samples = joined.samples(first)
+    ages = joined.ages[samples] - first  # earlier samples whose change is passed on
     lagged = [variable for variable in model.table.variables if variable.kind == "y"]
-    signals = model.about_origin(recording.inputs, run[None])
-    band = np.zeros((max((v.reach for v in lagged), default=0) + 1, n - first))
+    band = np.zeros((max((v.reach for v in lagged), default=0) + 1, samples.size))
     band[0] = 1.0
+    signals = model.about_origin(joined.inputs, run)
     for variable in lagged:
         slopes, weights = derivative(model.terms, model.theta, variable)
-        slope = weights @ slopes.rows(*signals, first, n)
+        slope = weights @ joined.rows(model, slopes, first, run)
         if variable.shape is not None:
-            slope *= variable.shape.slope(
-                argument_of(variable, lambda v, lag: signals[1][v.index, first - lag : n - lag])
-            )
-        band[variable.lag, : n - first - variable.lag] -= slope[variable.lag :]
-        if variable.reach > variable.lag:
-            band[variable.reach, : n - first - variable.reach] += slope[variable.reach :]
-    solved, _ = dtbtrs(band, table.rows(*signals, first, n).T, uplo="L", diag="U")
+            slope *= variable.shape.slope(argument_of(variable, lambda v, lag: signals[1][v.index, samples - lag]))
+        for lag, sign in {variable.reach: 1.0, variable.lag: -1.0}.items():  # a function of a change has both
+            band[lag, : samples.size - lag] += sign * np.where(ages >= lag, slope, 0.0)[lag:]
+    solved, _ = dtbtrs(band, joined.rows(model, table, first, run).T, uplo="L", diag="U")
     return np.asarray(solved, dtype=np.float64)
-
-
-def _run(model: NarxModel, recording: Recording) -> Array:
-    response = model.simulate(recording)
-    if not response.status.ok:
-        raise ModelError(
-            f"the free run diverges at {response.failed_at_s:g} s, so that it has no useful sensitivities; "
-            "start from a model whose free run is stable on these recordings"
-        )
-    return response.outputs[0]
 
 
 def least_error(model: NarxModel, recordings: tuple[Recording, ...]) -> NarxModel:
     """Return the refined model; unlike in `refine`, an interrupt reaches the caller."""
-    search = _Search(model, recordings, _STEPS, None)
+    search = _Search(Joined.of(model, recordings), model, _STEPS, None)
     search.run(_TOLERANCE)
     found = replace(model, theta=search.best)
-    return _refined(found, *_tangent(found, recordings), recordings, _REFINED)
+    return _refined(found, *tangent(found, search.joined), search.joined, _REFINED)
 
 
 def at_least_error(model: NarxModel, recordings: tuple[Recording, ...]) -> bool:
     """Return True if the gradient of the free-run error is small at the model's parameters."""
-    return _is_least(*_tangent(model, recordings), recordings)
+    joined = Joined.of(model, recordings)
+    return _is_least(*tangent(model, joined), joined)
 
 
-def _is_least(slopes: Array, errors: Array, recordings: tuple[Recording, ...]) -> bool:
-    outputs = np.concatenate([record.outputs[0] for record in recordings])
-    return converged(slopes, errors, errors.size, float(np.linalg.norm(outputs - outputs.mean())))
+def _is_least(slopes: Array, errors: Array, joined: Joined) -> bool:
+    return converged(slopes, errors, errors.size, float(np.linalg.norm(joined.outputs - joined.outputs.mean())))
 
 
-def _tangent(model: NarxModel, recordings: tuple[Recording, ...]) -> tuple[Array, Array]:
+def tangent(model: NarxModel, joined: Joined) -> tuple[Array, Array]:
     """Return the sensitivities (n, n_theta) and the errors (n,) of the free runs, one recording after another."""
-    slopes = np.concatenate([sensitivities(model, record) for record in recordings])
-    return slopes, np.concatenate([model.simulate(record).residuals[0] for record in recordings])
+    run = joined.sound_run(model)
+    errors = (joined.outputs - run)[0, joined.samples(model.table.max_lag)]
+    return _responses(model, joined, run, model.table), errors
 
 
 def _powers_of_two(sizes: Array | np.floating) -> Array:
@@ -234,13 +222,8 @@ def _powers_of_two(sizes: Array | np.floating) -> Array:
 class _Search:
     """The free-run error as a function of the parameters, and the best parameters so far."""
 
-    def __init__(
-        self, model: NarxModel, recordings: tuple[Recording, ...], max_steps: int, progress: Progress | None
-    ) -> None:
-        require_model(model).require_one_output("a refinement")
-        for recording in recordings:
-            _run(model, recording)
-        self.model, self.recordings = model, recordings
+    def __init__(self, joined: Joined, model: NarxModel, max_steps: int, progress: Progress | None) -> None:
+        self.model, self.joined = model, joined
         self.max_steps, self.progress = max_steps, progress
         self.best, self.least, self.steps = model.theta, np.inf, 0
 
@@ -250,8 +233,7 @@ class _Search:
         from scipy.optimize import least_squares
 
         start = self.jacobian(self.model.theta)
-        outputs = [self.model.about_origin(r.inputs, r.outputs)[1][0] for r in self.recordings]
-        size = float(_powers_of_two(np.linalg.norm(np.concatenate(outputs))))
+        size = float(_powers_of_two(np.linalg.norm(self.joined.outputs - self.model.output_origin[:, None])))
         scales = size / _powers_of_two(np.linalg.norm(start, axis=0))
         origin = self.model.theta / scales
         least_squares(
@@ -267,8 +249,8 @@ class _Search:
 
     def errors(self, theta: Array) -> Array:
         """Return computed minus measured outputs, shape (n_samples,); large values if the run diverges."""
-        model = replace(self.model, theta=theta)
-        found = np.concatenate([-model.simulate(record).residuals[0] for record in self.recordings])
+        run, _ = self.joined.run(replace(self.model, theta=theta))
+        found = (run - self.joined.outputs)[0, self.joined.samples(self.model.table.max_lag)]
         square = float(found @ found)
         if square < self.least:
             self.best, self.least = theta.copy(), square
@@ -280,13 +262,14 @@ class _Search:
 
     def jacobian(self, theta: Array) -> Array:
         """Return the sensitivities of all samples, shape (n_samples, n_terms)."""
-        model = replace(self.model, theta=theta)
-        return np.concatenate([sensitivities(model, record) for record in self.recordings])
+        return sensitivities(replace(self.model, theta=theta), self.joined)
 
 
-def _refined(model: NarxModel, slopes: Array, errors: Array, recordings: tuple[Recording, ...], told: str) -> NarxModel:
-    """Return a model of least error with its covariance and the remark `told`; `_tangent` gives slopes and errors."""
-    one_step = np.concatenate([model.predict(record).residuals[0] for record in recordings])
+def _refined(model: NarxModel, slopes: Array, errors: Array, joined: Joined, told: str) -> NarxModel:
+    """Return a model of least error with its covariance and the remark `told`; `tangent` gives slopes and errors."""
+    first = model.table.max_lag
+    predicted = model.theta @ joined.rows(model, model.table, first, joined.outputs)
+    one_step = (joined.outputs - model.output_origin[:, None])[0, joined.samples(first)] - predicted
     freedom = max(errors.size - model.theta.size, 1)
     root = gram_inverse_root(slopes)
     return replace(
@@ -303,17 +286,15 @@ def with_correlated_error(model: NarxModel, recordings: Sequence[Recording]) -> 
     (S'S)^-1: S are the sensitivities, and R is that of the autoregressive process that fits the errors best."""
     from scipy.linalg import matmul_toeplitz
 
-    slopes = [sensitivities(model, record) for record in recordings]
-    errors = [model.simulate(record).residuals[0] for record in recordings]
-    correlation = autocovariance(errors)
-    joined = np.concatenate(slopes)
-    root = gram_inverse_root(joined)
+    slopes, errors = tangent(model, joined := Joined.of(model, recordings))
+    first = model.table.max_lag
+    correlation = autocovariance(joined.apart(errors, first))
+    root = gram_inverse_root(slopes)
     middle = np.zeros((root.shape[1],) * 2)
-    for part in slopes:
+    for part in joined.apart(slopes, first):
         directions = part @ root  # orthonormal over all recordings
         middle += directions.T @ matmul_toeplitz(correlation[: len(part)], directions, check_finite=False)
-    samples = len(joined)
-    spread = 0.5 * samples / max(samples - model.theta.size, 1) * (middle + middle.T)
+    spread = 0.5 * errors.size / max(errors.size - model.theta.size, 1) * (middle + middle.T)
     return replace(model, theta_cov=root @ spread @ root.T)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
+from deatwin.ident.narx.criteria import march_over
 from deatwin.ident.narx.forward import forward_selection
-from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.growth import worse
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.response import DIVERGED
@@ -69,20 +69,9 @@ class SempSearch:
         self.data = data
         self.regression = CompressedRegression.of(data)
         self.power = float(self.regression.target @ self.regression.target)
-        signals = [data.scaled(record) for record in data.recordings]
-        self.marches = [
-            March.of(
-                data.scaled_table.terms,
-                {"u": inputs, "y": outputs},
-                "y",
-                outputs[[data.output]],
-                first=data.first,
-                alone=data.output,
-            )
-            for inputs, outputs in signals
-        ]
+        self.march = march_over(data, data.recordings)
         wanted = min(_SECTIONS, max(2, data.n_samples // 10))
-        lengths = np.array([outputs.shape[1] - data.first for _, outputs in signals])
+        lengths = np.array([record.n_samples - data.first for record in data.recordings])
         self.sections = np.maximum(1, np.rint(wanted * lengths / lengths.sum())).astype(int)
         self.path: list[SempStep] = []
         self.chosen: list[int] = []
@@ -204,10 +193,7 @@ class SempSearch:
 
     def _errors(self, chosen: NDArray[np.int64], theta: Array) -> Array:
         """Simulate models; return their errors, shape (n_models, n_sections)."""
-        runs = zip(self.marches, self.sections.tolist(), strict=True)
-        return np.concatenate(
-            [march.squared_errors(chosen, theta, limit=DIVERGED, sections=sections) for march, sections in runs], axis=1
-        )
+        return self.march.squared_errors(chosen, theta, limit=DIVERGED, sections=self.sections)
 
     def _as_good(self, errors: Array) -> Booleans:
         """Return whether errors are no larger than those of the present model and of the empty model."""

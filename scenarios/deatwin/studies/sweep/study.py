@@ -125,8 +125,14 @@ class _Recorded:
 def _named(cases: Iterable[Case]) -> dict[str, dict[str, Any]]:
     """Return cases by the SHA-256 of their content, which is plain data."""
     known: dict[str, dict[str, Any]] = {}
+    if isinstance(cases, Mapping | str) or not isinstance(cases, Iterable):
+        raise DataError(f"cases = {cases!r}; give a sequence of cases, as grid(stiffness=[0.9, 1.1]) makes one")
     for number, case in enumerate(cases):
-        plain = {str(key): _scalar(number, str(key), value) for key, value in case.items()}
+        if not isinstance(case, Mapping) or not all(isinstance(key, str) for key in case):
+            raise DataError(
+                f'case {number} is {case!r}; it must be a mapping of names to values, as {{"stiffness": 0.9}}'
+            )
+        plain = {key: _scalar(number, key, value) for key, value in case.items()}
         name = _name(plain)
         if name in known:
             raise DataError(f"case {number} occurs twice: {plain}; distinguish the two, for instance by a number")

@@ -127,6 +127,29 @@ def test_simulation_errors_of_many_models_are_those_of_their_free_runs(way):
     assert np.isinf(errors[4]).all()  # 900 y^3 blows up
 
 
+def test_recordings_are_marched_one_after_another(way):
+    """Runs and squared errors of each recording are those of a march over it alone, by sections and with its limit."""
+    rng, lengths = np.random.default_rng(8), np.array([700, 4, 31])
+    parts = [(rng.uniform(-1, 1, (1, n)), rng.uniform(-1, 1, (1, n))) for n in lengths]
+    u, y = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+    terms, theta = table("y(k-1)u(k-2)", "sat(y(k-1)-y(k-2),0.5)", "u(k-1)", "1").terms, np.array([0.5, 0.3, 0.2, 0.1])
+    march = March.of(terms, {"u": u}, "y", y, first=2, ends=np.cumsum(lengths))
+    run, failed = march.run(theta, limit=1e3)
+    alone = [March.of(terms, {"u": inputs}, "y", outputs, first=2) for inputs, outputs in parts]
+    np.testing.assert_array_equal(run, np.concatenate([one.run(theta)[0] for one in alone], axis=1))
+    assert failed is None
+    sections = [3, 1, 2]
+    errors = march.squared_errors(np.arange(4)[None], theta[None], limit=1e3, sections=sections)
+    apart = [
+        one.squared_errors(np.arange(4)[None], theta[None], limit=1e3, sections=n)
+        for one, n in zip(alone, sections, strict=True)
+    ]
+    np.testing.assert_allclose(errors, np.concatenate(apart, axis=1), rtol=1e-12)
+    limits = np.array([1e3, 1e3, np.abs(run[0, 706:735]).max() * 0.999])
+    assert march.run(theta, limit=limits)[1] == 706 + np.argmax(np.abs(run[0, 706:735]))
+    assert np.isinf(march.squared_errors(np.arange(4)[None], theta[None], limit=limits)).all()
+
+
 def test_one_output_can_be_marched_alone(way):
     n, rng = 300, np.random.default_rng(6)
     u, y = rng.uniform(-1, 1, (1, n)), rng.uniform(-1, 1, (2, n))

@@ -22,6 +22,7 @@ from deatwin.ident.narx import (
     shapes,
 )
 from deatwin.ident.narx.free_run import March
+from deatwin.ident.narx.joined import Joined
 from deatwin.ident.narx.refine import sensitivities
 from deatwin.ident.nss import NonlinearStateSpace, Pnlss
 from deatwin.plant import ModelError, Recording
@@ -117,7 +118,7 @@ def test_sensitivities_are_derivatives_of_the_free_run() -> None:
     )
     record = smooth.simulate(U, initial=np.zeros(2))
     drive = Recording.from_arrays(U, record.outputs[0], 0.1)
-    found = sensitivities(smooth, drive)
+    found = sensitivities(smooth, Joined.of(smooth, [drive]))
     slopes = differences(lambda t: replace(smooth, theta=t).simulate(drive).outputs[0, 2:], smooth.theta, 1e-6)
     np.testing.assert_allclose(found, slopes, atol=1e-6)
     start = replace(smooth, theta=smooth.theta * 1.05)

@@ -8,6 +8,7 @@ from stopping import StopAt
 from deatwin.ident.narx import Fixed, Frols, Grow, NarxModel, free_run_band, refine
 from deatwin.ident.narx.grow import linear_start
 from deatwin.ident.narx.identifier import FitStatus
+from deatwin.ident.narx.joined import Joined
 from deatwin.ident.narx.refine import autocovariance, with_correlated_error
 from deatwin.ident.narx.regression import Regression
 from deatwin.plant.errors import ModelError
@@ -130,15 +131,15 @@ def test_an_interrupt_keeps_the_best_so_far(place):
 
 def test_an_interrupt_within_a_refinement_ends_the_search(monkeypatch):
     """Ctrl-C falls where the time is spent: in the free runs, not between steps."""
-    grow, runs, plain = Grow(degree=3, max_terms=6), [], NarxModel.simulate
+    grow, runs, plain = Grow(degree=3, max_terms=6), [], Joined.run
 
-    def simulate(self, *args, **more):
-        runs.append(len(self.terms))
+    def run(self, model):
+        runs.append(len(model.terms))
         if len(runs) == 200:
             raise KeyboardInterrupt
-        return plain(self, *args, **more)
+        return plain(self, model)
 
-    monkeypatch.setattr(NarxModel, "simulate", simulate)
+    monkeypatch.setattr(Joined, "run", run)
     grow.fit(record(0))
     assert grow.status_ is FitStatus.INTERRUPTED and len(runs) < 230
 

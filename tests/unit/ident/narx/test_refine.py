@@ -8,8 +8,10 @@ from slopes import differences
 from stopping import StopAt
 
 from deatwin.ident.narx import NarxModel, generate_terms
+from deatwin.ident.narx.joined import Joined
 from deatwin.ident.narx.refine import extensions, prunings, refine, sensitivities
 from deatwin.ident.narx.terms import Term
+from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 TRUE = {"y(k-1)": 1.1, "y(k-2)": -0.5, "u(k-1)": 0.6, "y(k-1)^3": -0.08, "y(k-2)u(k-1)": 0.1}
@@ -39,7 +41,40 @@ def test_sensitivities_are_differences_of_runs() -> None:
     expected = differences(run, model.theta, 1e-5)
     sizes = np.abs(expected).max(axis=0)
     # Central differences: rounding 1e-16 / 1e-5, third derivatives times 1e-10.
-    np.testing.assert_allclose(sensitivities(model, recording) / sizes, expected / sizes, atol=1e-7)
+    np.testing.assert_allclose(sensitivities(model, Joined.of(model, [recording])) / sizes, expected / sizes, atol=1e-7)
+
+
+@pytest.mark.parametrize("lengths", [(5, 40, 9), (300, 7)])
+def test_sensitivities_over_recordings_are_differences_of_their_runs(lengths: tuple[int, ...]) -> None:
+    """One march over all recordings gives what runs of one after another give, also with the slope of a change."""
+    terms = {**TRUE, "y(k-3)u(k-4)": 0.03, "rbf(y(k-1)-y(k-3),0.1,0.5)": 0.2, "1": 0.1}
+    model = NarxModel.from_terms(terms, sample_time=0.1)
+    rng = np.random.default_rng(9)
+    recordings = [measured(rng, n) for n in lengths]
+
+    def runs(theta: np.ndarray) -> np.ndarray:
+        found = [replace(model, theta=theta).simulate(recording) for recording in recordings]
+        return np.concatenate([run.outputs[0, run.first :] for run in found])
+
+    joined = Joined.of(model, recordings)
+    expected = differences(runs, model.theta, 1e-5)
+    sizes = np.abs(expected).max(axis=0)
+    np.testing.assert_allclose(sensitivities(model, joined) / sizes, expected / sizes, atol=1e-7)
+    np.testing.assert_array_equal(joined.run(model)[0][0, joined.samples(4)], runs(model.theta))
+
+
+def test_a_divergence_is_told_on_the_clock_of_its_recording() -> None:
+    """y(k) = y(k-1)^2 from 0.5 goes to zero; from 2 it passes 2^64 in the sixth step."""
+    model = NarxModel.from_terms({"y(k-1)^2": 1.0}, sample_time=0.1)
+    inputs = np.zeros(30)
+    quiet, fatal = (
+        Recording.from_arrays(inputs, np.full(30, first), 0.1, start=start)
+        for first, start in ((0.5, 0.0), (2.0, 50.0))
+    )
+    run = model.simulate(fatal)
+    with pytest.raises(ModelError, match=f"diverges at {run.failed_at_s:g} s"):
+        refine(model, [quiet, fatal])
+    assert 50.1 <= run.failed_at_s <= 50.7
 
 
 def test_noise_on_the_readings_leaves_no_bias_and_the_intervals_cover() -> None:
