@@ -13,7 +13,7 @@ from deatwin.plant.files.csvtext import header_line
 from deatwin.plant.files.dates import is_date
 from deatwin.plant.files.formats.table import Table, is_place
 from deatwin.plant.files.headers import split_unit
-from deatwin.plant.files.timecolumns import holds_times, likely_times, time_column, times_options
+from deatwin.plant.files.timecolumns import holds_times, likely_times, numbers_rows, time_column, times_options
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS, LIKE_TIMES
 from deatwin.plant.files.wanted import in_units, require_known_units, split_stated
@@ -103,7 +103,8 @@ def _twice(
     role, busy = free[0], {column, *_others(table, free[0], asked)}
     require_wide(table)
     fits = partial(holds_times, table) if role == "time" else partial(works, table, unit=units.get(role))
-    other = next((k for k in range(len(table.headers)) if k not in busy and fits(k)), None)
+    free_columns = [k for k in range(len(table.headers)) if k not in busy]
+    other = next((k for k in free_columns if fits(k) and (role == "time" or not numbers_rows(table, k))), None)
     way = NO_OPTIONS
     if other is not None:
         named = way.with_column(role, table.unmistakable(other))

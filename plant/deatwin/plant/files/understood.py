@@ -12,7 +12,7 @@ from deatwin.plant.files.columns import alike, chosen_columns, data_columns, ext
 from deatwin.plant.files.dates import is_date
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import recordings_of_table, table_of_file
-from deatwin.plant.files.timecolumns import likely_times, time_column
+from deatwin.plant.files.timecolumns import likely_times, numbers_rows, time_column
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.files.wanted import split_stated, with_stated_units
 from deatwin.plant.readings import Reading
@@ -22,7 +22,7 @@ from deatwin.plant.rigs.base import ReadingTime
 
 _REPAIRS = 7  # Largest number of rounds; there are six options, so that more rounds add nothing
 _LIKE_NUMBER = re.compile(r"[-+]?\d?[\d.,'’\s]*\d([eE][-+]?\d+)?( ?[^\W\d]{1,3})?")  # perhaps with marks and a unit
-_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+")
+_WORD = re.compile(r"(?![xX]\d\d)(?<!\d)(?:[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+)")  # x1000 and 10X are factors
 _USUAL_WORDS = {
     "input": "u uin vin input in cmd command control excitation drive voltage volt v hv reference ref setpoint target pwm "
     "eingang soll stell spannung strom current torque",
@@ -148,7 +148,7 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
     left = [k for k in left if not any(alike(table, k, clock) for clock in times)]
     # A column with a single bad cell is still a candidate; the next error names that cell.
     free = [k for k in left if works(table, k) or _mostly_numbers(table, k)]
-    free = [k for k in free if not _counts(table, k)] or free
+    free = [k for k in free if not _counts(table, k)] or [k for k in free if not numbers_rows(table, k)]
     if len(known) + len(free) < 2:  # the next error names a cell that is no number
         free += [k for k in left if k not in free and table.unit(k).si]
     found = NO_OPTIONS

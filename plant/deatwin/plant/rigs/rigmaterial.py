@@ -185,7 +185,7 @@ def material_remarks(section: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ..
     found, _ = read_material(section)
     if found is None:
         return
-    stated = []
+    stated: list[tuple[tuple[str, ...], NumberKey, float]] = []
     if "parameters" in section:  # the coefficients of higher orders may be small
         stiffest = max((p for p in found.elastic if p.unit == "Pa"), key=lambda p: abs(p.value), default=None)
         stated += [(("parameters", stiffest.name), _MODULUS, stiffest.value)] if stiffest else []
