@@ -13,6 +13,7 @@ from deatwin.ident.look import Look
 from deatwin.ident.look.inputs import InputShape
 from deatwin.ident.look.link import LinkStatus
 from deatwin.plant.files.understood import Understood
+from deatwin.plant.rigs.rigkinds import KINDS
 
 LEAST = 20  # Least samples: `deatwin identify` fits 14 of them and holds out 6; fewer leave nothing to judge a model by
 
@@ -35,8 +36,8 @@ class Next:
     command: str = ""  # Empty if a better recording is needed first
 
 
-def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
-    """Recommend what to run next. `rig` is the rig file to be filled in, if any."""
+def next_step(seen: Sequence[Seen], rig: str | None = None, kind: str = "diaphragm") -> Next:
+    """Recommend what to run next. `rig` is the rig file to be filled in, if any, and `kind` the kind of its rig."""
     if rig is not None and not seen:
         return Next(
             sentence=f"fill in {rig}; this command then shows, before you record, which effects an input would reveal",
@@ -65,7 +66,7 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
         else ""
     )
     if rig is not None:
-        return _diagnosis(rig, alike, left_out)
+        return _diagnosis(rig, KINDS[kind].units, alike, left_out)
     rich = [(file, other) for file, other in alike if any(p.shape is InputShape.NOISE for p in other.patterns)]
     used = rich or alike
     paths, best = [file.path for file, _ in used], used[0][1]
@@ -87,14 +88,21 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     return Next(sentence=sentence, command=shlex.join(["deatwin", "identify", *words, "--out", "narx.json"]))
 
 
-def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str) -> Next:
+def _diagnosis(
+    rig: str, units_of_rig: tuple[str, str], alike: Sequence[tuple[Understood, Look]], left_out: str
+) -> Next:
     """Recommend a diagnosis of the recordings, as one experiment if they follow each other on one clock."""
     file, look = alike[0]
     for role, names, units, wanted in (
-        ("input", look.recordings[0].input_names, look.recordings[0].input_units, "V"),
-        ("output", look.recordings[0].output_names, look.recordings[0].output_units, "m"),
+        ("input", look.recordings[0].input_names, look.recordings[0].input_units, units_of_rig[0]),
+        ("output", look.recordings[0].output_names, look.recordings[0].output_units, units_of_rig[1]),
     ):
-        if units[0] != wanted:
+        if wanted == "1" and units[0] not in ("", "1"):
+            return Next(
+                sentence=f"the {role} of the rig is a ratio, such as a stretch, but the column {names[0]} is in "
+                f"{units[0]}; compute the ratio from this column first"
+            )
+        if units[0] != wanted != "1":
             said = f"is in {units[0]}" if units[0] else "gives no unit"
             like = "mm" if wanted == "m" else wanted
             return Next(

@@ -243,3 +243,30 @@ def test_periodic_files_that_do_not_fit_together_are_described_one_by_one(at_des
     assert main(["look", "a.csv", "b.csv"]) == 0
     said = capsys.readouterr().out
     assert said.count("best linear approximation at 59 lines") == 2 and "all recordings together" not in said
+
+
+@pytest.mark.parametrize(
+    ("header", "order", "roles", "said"),
+    [
+        ("time_s,Position (mm),Force (N),Strain (%)", (0, 1, 2, 1), ["time", "", "output", "input"], "fill in"),
+        (
+            "Time (Sec),Force (N),Position (mm)",
+            (0, 2, 1),
+            ["time", "output", "input"],
+            "Position is in m; compute the ratio",
+        ),
+        ("time_s,stretch,load (mN)", (0, 1, 2), ["time", "input", "output"], "fill in"),
+        (
+            "time_s,HV (V),Force (N)",
+            (0, 1, 2),
+            ["time", "input", "output"],
+            "ratio, such as a stretch, but the column HV is in V",
+        ),
+    ],
+)
+def test_a_test_machine_gives_a_stretch_and_reads_a_force(header, order, roles, said, at_desk, capsys):
+    columns = motion()
+    table("a.csv", header, [columns[k] for k in order])
+    found = told(capsys, "a.csv", "--rig", "coupon", "--out", "looked")
+    assert [column["role"] for column in found["files"][0]["columns"]] == roles
+    assert said in found["next"]["sentence"]

@@ -13,10 +13,10 @@ from deatwin.plant.files.csvtext import header_line
 from deatwin.plant.files.dates import is_date
 from deatwin.plant.files.formats.table import Table, is_place
 from deatwin.plant.files.headers import split_unit
-from deatwin.plant.files.timecolumns import holds_times, likely_times, time_column, times_options
+from deatwin.plant.files.timecolumns import holds_times, likely_times, numbers_rows, time_column, times_options
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS, LIKE_TIMES
-from deatwin.plant.files.wanted import in_units, require_known_units, split_stated
+from deatwin.plant.files.wanted import in_units, require_known_units, split_stated, units_like
 from deatwin.plant.readings import Reading
 from deatwin.plant.readoptions import NO_OPTIONS
 from deatwin.plant.safe_read import clipped
@@ -103,7 +103,8 @@ def _twice(
     role, busy = free[0], {column, *_others(table, free[0], asked)}
     require_wide(table)
     fits = partial(holds_times, table) if role == "time" else partial(works, table, unit=units.get(role))
-    other = next((k for k in range(len(table.headers)) if k not in busy and fits(k)), None)
+    free_columns = [k for k in range(len(table.headers)) if k not in busy]
+    other = next((k for k in free_columns if fits(k) and (role == "time" or not numbers_rows(table, k))), None)
     way = NO_OPTIONS
     if other is not None:
         named = way.with_column(role, table.unmistakable(other))
@@ -224,7 +225,8 @@ def with_readings(table: Table, readings: Iterable[Reading], taken: set[int]) ->
         if reading.unit and not (unit or table.own_unit(column)):
             raise DataError(
                 f'{table.path}: the column "{table.shown(column)}" of the reading "{reading.name}" gives no unit; state '
-                f'it after the name of the column in the rig file: "{table.unmistakable(column)}={reading.unit}"'
+                f'it after the name of the column in the rig file: "{table.unmistakable(column)}=UNIT", with one of '
+                f"{', '.join(units_like(reading.unit))}"
             )
     table = replace(table, names=tuple(names), units=tuple(units))
     return in_units(table, {column: reading.unit for column, reading in found.items() if reading.unit}), found

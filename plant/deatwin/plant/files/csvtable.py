@@ -59,6 +59,7 @@ _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points
 _DIGITS = 3  # Number of digits in a group of thousands
 _FEW = 1000  # Number of cells that are looked at first
 _EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
+_RULED = re.compile(r"(?=.*(?:---|===))[-=+:|,;\t ]+")  # Line that underlines the names
 _ALIKE = 3  # Number of rows that show how many digits numbers have
 _PIECE = 50_000  # Number of lines that are split at a time
 
@@ -464,14 +465,14 @@ def _is_time(name: str, unit: str) -> bool:
 
 
 def _without_empty_rows(rows: Sequence[int], lines: list[str]) -> tuple[Sequence[int], list[str]]:
-    """Return lines and their rows without the rows of empty cells between the lines of a header.
+    """Return lines and their rows without the rows of empty cells, and the ruled lines, between the lines of a header.
 
     Below a line with numbers such a row is kept, because there it may be a sample.
     """
     kept: list[int] = []
     for k, line in enumerate(lines[:_FEW]):
-        mark = "" if line.strip(_EMPTY) else line.strip()[0]
-        if not mark or (kept and holds_number(split_cells(lines[kept[-1]], mark))):
+        empty = not line.strip(_EMPTY) or _RULED.fullmatch(line)
+        if not empty or (kept and any(holds_number(split_cells(lines[kept[-1]], mark)) for mark in _EMPTY)):
             kept.append(k)
     if len(kept) == min(_FEW, len(lines)):
         return rows, lines

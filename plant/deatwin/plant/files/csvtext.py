@@ -33,18 +33,24 @@ _SHOWN = 10  # Largest number of columns in an example header
 _HEADERS = 4  # Largest number of lines with names, units and remarks
 _LIKE_SAMPLES = 3  # Number of lines after the header that must hold numbers, if the file has as many
 _SETTINGS = re.compile(
-    "(?i)scal|offset|gain|factor|zero|range|sensitiv|slope|coupl|calib|resol|bits|min|max|type|rate|sequence|skal|faktor"
-    "|null|bereich|empfind"
+    "(?i)scal|offset|gain|factor|zero|range|sensitiv|slope|coupl|calib|resol|bits|min|max|type|rate|sequence|length|points"
+    "|samples|count|skal|faktor|null|bereich|empfind|länge|anzahl"
 )
 """Beginnings of words before the settings of channels."""
 _SCALES = re.compile("(?i)scal|offset|gain|factor|zero|sensitiv|slope|calib|skal|faktor|null|empfind")
 _NAMES_LABEL = re.compile(r"(?i)(trace|channel|signal)[ _]?(name|title)s?\b")  # Word before the names
 _LABEL = re.compile(r"([A-Za-z][A-Za-z ]*):\s*")  # Before a setting of a channel
+_UNITS_WORD = re.compile(r"(?i)(?<![^\W_])(units?|einheit(en)?)(?![^\W_])")  # In the label of a line of units
 _TIMES = ("s", "ms", "us", "ns", "min", "h")
 _GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|(?<![\d:])[\d:]*\d:\d\d,\d{3}(?!\d)")
 _THOUSANDS = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+(?![\d:])(?:\.\d+)?")
 _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # Blanks that are neither before nor inside brackets
 _INDEX_LINE = re.compile(r"([^,;\t|]*)(([,;\t|])\3*)")  # At most a name, and empty cells
+_JAPANESE = re.compile(rb"\x83\xca|\x81\x8e|(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
+"""µ, °C, or two characters of Shift JIS, which begin with bytes that Windows-1252 has for quotes and dashes."""
+_LETTERS = 3  # Least number of accented letters that follow each other in no language of Windows-1252
+_RUSSIAN = re.compile(rb"[\xc0-\xdf]?[\xe0-\xff]{2,}|[\xc0-\xdf]{3,}")
+"""Word of Windows-1251: a capital letter and small ones, small letters only, or capital ones only."""
 _FAR_APART = re.compile(r"\s{2,}|\t")
 
 
@@ -79,13 +85,27 @@ def decode(content: bytes, path: str) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        # In GBK, a Chinese character takes two such bytes, and common ones begin with B0 to D7. In Windows-1252, µ, ° and
-        # accented letters stand alone, or are small letters from DF on, as in größe.
-        runs = re.findall(rb"[\x80-\xff]+", content)
-        paired = all(len(run) % 2 == 0 for run in runs) and any(
-            0xB0 <= lead <= 0xD7 for run in runs for lead in run[::2]
-        )
-        return content.decode("gbk" if paired else "cp1252", errors="replace")
+        return content.decode(_code_page(content), errors="replace")
+
+
+def _code_page(content: bytes) -> str:
+    """Return the encoding of a text that is not in UTF-8.
+
+    In Windows-1252, µ, ° and accented letters stand alone, or are small letters from DF on, as in größe.
+    """
+    if _JAPANESE.search(content):
+        try:
+            content.decode("cp932")
+        except UnicodeDecodeError:
+            pass
+        else:
+            return "cp932"
+    runs = re.findall(rb"[\x80-\xff]+", content)
+    if any(map(_RUSSIAN.fullmatch, runs)) and all(len(run) < _LETTERS or _RUSSIAN.fullmatch(run) for run in runs):
+        return "cp1251"
+    # In GBK, a Chinese character takes two such bytes, and common ones begin with B0 to D7.
+    paired = all(len(run) % 2 == 0 for run in runs) and any(0xB0 <= lead <= 0xD7 for run in runs for lead in run[::2])
+    return "gbk" if paired else "cp1252"
 
 
 def find_layout(lines: list[str], rows: Sequence[int], path: str) -> Layout:
@@ -95,6 +115,11 @@ def find_layout(lines: list[str], rows: Sequence[int], path: str) -> Layout:
     marks = [mark for mark in _DELIMITERS if widths[mark] > 1] or [","]
     starts = {mark: _first_sample(lines, mark, widths[mark]) for mark in marks}
     fitting = [mark for mark in marks if starts[mark] is not None]
+    if (
+        len(fitting) > 1
+    ):  # a decimal comma and one before a unit, as in "U, V;x, mm", leave no numbers when they part cells
+        certain = [mark for mark in fitting if _holds_only_values(split_cells(lines[starts[mark] or 0], mark))]
+        fitting = certain if len(certain) == 1 else fitting
     if len(fitting) > 1:
         raise DataError(
             f"{path}, row {rows[starts[fitting[0]] or 0]}: the delimiter is ambiguous: it could be "
@@ -109,6 +134,11 @@ def find_layout(lines: list[str], rows: Sequence[int], path: str) -> Layout:
     if layout := _nameless(lines):
         return layout
     raise _no_layout(lines, rows, marks[0], path)
+
+
+def _holds_only_values(cells: list[str]) -> bool:
+    """Return whether each cell of a line holds a number, a date or a word, or nothing."""
+    return all(kind_of_cell(cell) in ("", "number", "date", "text") for cell in cells)
 
 
 def with_name_of_rows(lines: list[str]) -> list[str]:
@@ -231,6 +261,8 @@ def _starts(lines: list[str], cells: list[list[str]], delimiter: str, width: int
     if width > 1:  # a line with numbers only beyond the columns of the samples belongs to the header
         within = [*(holds_number(row[:width]) for row in cells), False]
         numeric = [one and (within[k] or not within[k + 1]) for k, one in enumerate(numeric)]
+    for k in range(1, len(cells)):  # below a sample, a line of marks of missing values is one, too, and no header
+        numeric[k] = numeric[k] or (numeric[k - 1] and all(cell.lower() in NO_VALUE for cell in cells[k]))
     for k in range(1, len(cells)):
         follow = cells[k : k + _LIKE_SAMPLES]
         if numeric[k - 1] or not all(numeric[k : k + _LIKE_SAMPLES]):
@@ -262,7 +294,18 @@ def _named(lines: list[str], delimiter: str, first: int) -> Layout:
         named = any(len(list(filter(None, one))) >= len(cells) for one in head)
         if kept := _without_labels(cells) if named else cells:
             head.append(kept)
+    if head and not any(are_units(cells) or any(split_unit(cell)[1] for cell in cells) for cells in head):
+        head += _units_among_settings(lines[:first], delimiter, width)
     return Layout(delimiter=delimiter, first=first, head=tuple(head[-_HEADERS:]))
+
+
+def _units_among_settings(lines: list[str], delimiter: str, width: int) -> list[list[str]]:
+    """Return the units that settings above the names give below a word such as ``Vertical Units``, if any."""
+    for row in (split_cells(line, delimiter) for line in reversed(lines)):
+        units = [find_unit(cell) for cell in row[1:]]
+        if len(row) == width > 1 and _UNITS_WORD.search(row[0]) and all(units) and not all(u in _TIMES for u in units):
+            return [["", *row[1:]]]
+    return []
 
 
 def _without_labels(cells: list[str]) -> list[str]:
@@ -313,6 +356,7 @@ def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
     ways.append(split_cells(line, delimiter))
     if delimiter == BLANKS:
         ways += [apart.split(bare.strip()) for apart in (_BEFORE_UNIT, _FAR_APART)]
+        ways = [[cell.strip() for cell in bare.split(",")], *ways] if "," in bare else ways
     if delimiter != BLANKS and width > 1:  # numbers beyond the columns of the samples are settings
         ways = [cells[:width] if holds_number(cells) else cells for cells in ways]
     ways = [cells for cells in ways if not holds_number(cells)] or [[]]

@@ -15,9 +15,9 @@ CLOCK = "hhmmss"  # Times of day written as one number, 143005.25 for 14:30:05.2
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _ISO = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)(?:[T ,]+(.*))?")
 _OTHER = re.compile(r"(\d\d?)([-/. ])(\d\d?|[A-Za-z]{3})\2(\d{4}|\d\d)(?:[T ,]+(.*))?")
-_COMPACT = re.compile(  # 14 digits are no Unix time
-    r"((?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01]))T?"
-    r"((?:[01]\d|2[0-3])[0-5]\d[0-5]\d(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?)"
+_COMPACT = re.compile(  # 14, 17 and 20 digits are no Unix time
+    r"((?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01]))[T_]?"
+    r"((?:[01]\d|2[0-3])[0-5]\d[0-5]\d)(?:[.,]?((?<=[.,])\d+|\d{3}(?:\d{3})?))?(Z|[+-]\d\d:?\d\d)?"
 )
 _CLOCK = re.compile(  # behind a colon, two digits may be hundredths, milliseconds or frames
     r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,:]((?<!:)\d+|\d{3}(?:\d{3})?))?)?\s*(?:([ap])\.?m\.?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?",
@@ -74,7 +74,9 @@ def moment(text: str, order: str = "dmy") -> datetime:
     """Return a date; in UTC if it has an offset. Raise ValueError if it is none."""
     cell = text.strip()
     try:
-        found = datetime.fromisoformat(_COMPACT.sub(r"\1T\2", cell))
+        parts = _COMPACT.fullmatch(cell)
+        plain = f"{parts[1]}T{parts[2]}.{parts[3] or 0}{parts[4] or ''}" if parts else cell
+        found = datetime.fromisoformat(plain)
     except ValueError:
         found = _moment(cell, order)
     try:

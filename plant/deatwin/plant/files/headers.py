@@ -33,10 +33,16 @@ _UNIT_ALONE = re.compile(r"(?:in\s+)?(\(.*\)|\[.*\]|(?<=\s)\S+)")
 _OTHER_BRACKETS = re.compile(r"(.*\S)\s*(?:\{([^{}]+)\}|<([^<>]+)>)")
 _CHANNEL = r"[^\W\d](?:\S*[^\s\d])?(?:(?<=[^\W\d_])(?<![/:.\d][xX])\d+)?"
 """Word that may end in the number of a channel, as ``U2``; *_10* and *=10* may belong to the unit, and *:x10* is a factor."""
-_NO_WORD = r"[munpkMGcµμ](?:m|V|A|N|Pa|Hz|F|W|J|[Oo]hm|Ω|bar|g)|Hz|rpm|psi|[°º][CF]|℃|%"
+_NO_WORD = r"(?!pm)[munpkMGcµμ](?:m|V|A|N|Pa|Hz|F|W|J|[Oo]hm|Ω|bar|g)|Hz|rpm|psi|[°º][CF]|℃|%"
 """Units that are no words and no endings of names, as ``V`` is in *Phase V*."""
-_APART = re.compile(rf"((?:.*\s)?{_CHANNEL})\s+({_NO_WORD})")
-"""Header with a unit behind a blank."""
+_APART = re.compile(rf"((?:.*\s)?{_CHANNEL})(?:\s+|\s*[-–@.|:]\s*)({_NO_WORD})")
+"""Header with a unit behind a blank or another mark."""
+_BEFORE = re.compile(r"(\[[^\[\]]*\]|\([^()]{2,}\))\s*([^\W\d_][^()\[\]]*)")
+"""Header with a unit in brackets before the name: ``[kV] HV``; *(A)* and *(B)* may only tell two names apart."""
+_FIRST = re.compile(rf"({_NO_WORD})\s+((?!mon|per\b|pro\b)[^\W\d_].*)")
+"""Header that begins with a unit, as ``kV set``; what stands for a kV at a monitor is another matter."""
+_MANGLED = re.compile(r"(.*[^\W_])(?:\.{1,2}([^\W_.]+)\.|_([^\W_]+)_)")
+"""Header whose brackets a program has replaced: ``U..kV.`` by R, ``U_kV_`` by MATLAB."""
 _DOUBTFUL = re.compile("F|l|(?i:in|ft|foot|feet|yd|dm|kp|dyn|kip|ksi|turns?)")
 """Units recognised in brackets only, because names have these endings, too: of forces and lengths, ``u_in``, ``kp``."""
 _MINIMUM = re.compile(r"(?<![^\W_])min(?![^\W_])")
@@ -162,6 +168,18 @@ def _split(header: str) -> tuple[str, str]:
             return match[1], for_name(match[1], unit)
     if (match := _APART.fullmatch(header)) and (unit := find_unit(match[2])):
         return match[1], for_name(match[1], unit)
+    if (
+        (match := _BEFORE.fullmatch(header))
+        and (unit := find_unit(match[1]))
+        and not _DOUBTFUL.fullmatch(match[1][1:-1])
+    ):
+        return match[2], for_name(match[2], unit)
+    if (match := _FIRST.fullmatch(header)) and not _is_longer_unit(header):
+        return match[2], for_name(match[2], find_unit(match[1]))
+    if match := _MANGLED.fullmatch(header):
+        found = _split(f"{match[1]} ({match[2]})" if match[2] else f"{match[1]}_{match[3]}")
+        if found[1]:
+            return found
     if match := _TIMES.fullmatch(header):
         return match[1], find_unit((match[2] or match[3]).lower())
     if _TIME_WORD.fullmatch(header):
@@ -184,6 +202,12 @@ def _is_doubtful(form: re.Pattern[str], name: str, unit: str) -> bool:
     """Return whether the end of a header may belong to the name, although it is a unit: ``x_min`` is a minimum."""
     other = form is _LAST_PART and unit in ("min", "h") and not _is_time(name)
     return other or (form is not _IN_BRACKETS and _DOUBTFUL.fullmatch(unit) is not None)
+
+
+def _is_longer_unit(header: str) -> bool:
+    """Return whether a header begins with two or more words that are one unit, such as ``mm Hg``."""
+    words = header.split()
+    return any(find_unit(" ".join(words[:count])) for count in range(2, len(words) + 1))
 
 
 def _is_time(name: str) -> bool:

@@ -149,11 +149,11 @@ def holds_times(table: Table, column: int, unit: str = "") -> bool:
 def likely_times(table: Table, taken: set[int]) -> list[int]:
     """Return columns that may be the times: those on an even clock, else those that can be resampled to one."""
     ways = {k: way for k in range(len(table.headers)) if k not in taken and (way := _uneven(table, k)) is not None}
-    ways = {k: way for k, way in ways.items() if table.nameless or not _numbers_rows(table, k)}
+    ways = {k: way for k, way in ways.items() if table.nameless or not numbers_rows(table, k)}
     return [k for k, way in ways.items() if not way] or list(ways)
 
 
-def _numbers_rows(table: Table, column: int) -> bool:
+def numbers_rows(table: Table, column: int) -> bool:
     """Return whether a column without a name of times counts the rows, so that it tells nothing of the sample time."""
     if table.units[column] or LIKE_TIMES.search(table.names[column]):
         return False

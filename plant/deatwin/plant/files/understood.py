@@ -12,7 +12,7 @@ from deatwin.plant.files.columns import alike, chosen_columns, data_columns, ext
 from deatwin.plant.files.dates import is_date
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import recordings_of_table, table_of_file
-from deatwin.plant.files.timecolumns import likely_times, time_column
+from deatwin.plant.files.timecolumns import likely_times, numbers_rows, time_column
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.files.wanted import split_stated, with_stated_units
 from deatwin.plant.readings import Reading
@@ -22,7 +22,7 @@ from deatwin.plant.rigs.base import ReadingTime
 
 _REPAIRS = 7  # Largest number of rounds; there are six options, so that more rounds add nothing
 _LIKE_NUMBER = re.compile(r"[-+]?\d?[\d.,'’\s]*\d([eE][-+]?\d+)?( ?[^\W\d]{1,3})?")  # perhaps with marks and a unit
-_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+")
+_WORD = re.compile(r"(?![xX]\d\d)(?<!\d)(?:[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+)")  # x1000 and 10X are factors
 _USUAL_WORDS = {
     "input": "u uin vin input in cmd command control excitation drive voltage volt v hv reference ref setpoint target pwm "
     "eingang soll stell spannung strom current torque",
@@ -71,8 +71,16 @@ class Understood:
         return (self.asked | self.further).with_column(role, f"#{place}").words
 
 
-def understand(path: str | Path, asked: ReadOptions = NO_OPTIONS, readings: Sequence[Reading] = ()) -> Understood:
-    """Read a file as asked or, if that is refused, with options that work; `readings` are the rig's further ones."""
+def understand(
+    path: str | Path,
+    asked: ReadOptions = NO_OPTIONS,
+    readings: Sequence[Reading] = (),
+    units: tuple[str, str] | None = None,
+) -> Understood:
+    """Read a file as asked or, if that is refused, with options that work.
+
+    `readings` are the rig's further ones, `units` those of its input and output, in SI.
+    """
     found = Understood(path=str(path), asked=asked)
     try:
         table = table_of_file(path)
@@ -82,7 +90,7 @@ def understand(path: str | Path, asked: ReadOptions = NO_OPTIONS, readings: Sequ
         try:
             read = _read(table, asked | found.further)
         except DataError as error:
-            more = _repair(table, error.offers, asked | found.further)
+            more = _repair(table, error.offers, asked | found.further, units)
             found = replace(found, refused=found.refused or str(error), further=found.further | more)
             if not more:
                 return _unread(table, found, str(error))
@@ -124,16 +132,19 @@ def _roles(options: ReadOptions) -> dict[str, str | None]:
     return {"input": options.input_column, "output": options.output_column, "time": options.time_column}
 
 
-def _repair(table: Table, offered: ReadOptions, options: ReadOptions) -> ReadOptions:
+def _repair(table: Table, offered: ReadOptions, options: ReadOptions, wanted: tuple[str, str] | None) -> ReadOptions:
     """Return the options that an error suggests, else guessed columns, if the user has not set them."""
     new = offered.without(*options.given)
     if new.time_column:  # replaces a sample time; the next round finds what the column itself needs
         new = new.without("dt", "resample")
-    return new or _guessed(table, options)
+    return new or _guessed(table, options, wanted)
 
 
-def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
-    """Return columns for roles without a matching header, guessed from common names, else from units and order."""
+def _guessed(table: Table, options: ReadOptions, wanted: tuple[str, str] | None) -> ReadOptions:
+    """Return columns for roles without a matching header.
+
+    They are guessed from the units that are wanted, if any, then from common names, else from units and order.
+    """
     bare, asked = with_stated_units(table, _roles(options))
     known: dict[str, int] = {}
     for role in ("input", "output"):
@@ -148,7 +159,7 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
     left = [k for k in left if not any(alike(table, k, clock) for clock in times)]
     # A column with a single bad cell is still a candidate; the next error names that cell.
     free = [k for k in left if works(table, k) or _mostly_numbers(table, k)]
-    free = [k for k in free if not _counts(table, k)] or free
+    free = [k for k in free if not _counts(table, k)] or [k for k in free if not numbers_rows(table, k)]
     if len(known) + len(free) < 2:  # the next error names a cell that is no number
         free += [k for k in left if k not in free and table.unit(k).si]
     found = NO_OPTIONS
@@ -158,6 +169,7 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
         best = min(
             free,
             key=lambda k: (
+                _unlike(table.unit(k).si, wanted, role),
                 _rank(table, k, _WORDS[role]),
                 (*units, table.unit(k).si).index(table.unit(k).si),
                 -_rank(table, k, other),
@@ -167,6 +179,14 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
         free.remove(best)
         found = found.with_column(role, table.unmistakable(best))
     return found
+
+
+def _unlike(unit: str, wanted: tuple[str, str] | None, role: str) -> int:
+    """Return 0 for a unit that is wanted for a role, 2 for the one that is wanted for the other role, and 1 for others."""
+    if wanted is None:
+        return 1
+    own, other = wanted if role == "input" else wanted[::-1]
+    return 0 if unit == own or (own == "1" and not unit) else 2 if unit == other else 1
 
 
 def _mostly_numbers(table: Table, column: int) -> bool:

@@ -87,7 +87,7 @@ _SYMBOLS = {
     "farad": Unit("F"),  # after the name of a temperature, F means degrees Fahrenheit
     **_scaled("W", "munk"),
     **_scaled("J", "munk"),
-    **_scaled("m", "cmunk"),
+    **_scaled("m", "cmunpk"),
     "dm": Unit("m", 1, 10),
     "inch": Unit("m", 254, 1e4),
     "ft": Unit("m", 3048, 1e4),
@@ -234,6 +234,15 @@ _PREFIXES = {
     "mega": "M",
     "giga": "G",
     "tera": "T",
+    "厘": "c",
+    "毫": "m",
+    "微": "u",
+    "纳": "n",
+    "千": "k",
+    "兆": "M",
+    "ミリ": "m",
+    "マイクロ": "u",
+    "キロ": "k",
 }
 _WORDS = {
     "second": "s",
@@ -261,16 +270,48 @@ _WORDS = {
     "watt": "W",
     "joule": "J",
     "ohm": "ohm",
+    "秒": "s",
+    "伏": "V",
+    "伏特": "V",
+    "安": "A",
+    "安培": "A",
+    "米": "m",
+    "牛": "N",
+    "牛顿": "N",
+    "帕": "Pa",
+    "克": "g",
+    "赫兹": "Hz",
+    "ボルト": "V",
+    "アンペア": "A",
+    "メートル": "m",
+    "ニュートン": "N",
+    "グラム": "g",
 }
+_CYRILLIC = {
+    (prefix + word): short + unit
+    for prefix, short in {
+        "": "",
+        "п": "p",
+        "н": "n",
+        "мк": "u",
+        "м": "m",
+        "с": "c",
+        "к": "k",
+        "М": "M",
+        "Г": "G",
+    }.items()
+    for word, unit in {
+        **{"с": "s", "сек": "s", "В": "V", "А": "A", "м": "m", "Н": "N", "Па": "Pa", "Гц": "Hz", "Ом": "ohm"},
+        **{"Ф": "F", "г": "g", "Вт": "W", "Дж": "J", "бар": "bar"},
+    }.items()
+    if short + unit in _SYMBOLS
+} | {"мин": "min", "ч": "h", "об/мин": "rpm", "град": "deg"}
 _SPELLED_OUT = {
     "micron": "um",
     "minute": "min",
     "hour": "h",
     "hr": "h",
     "sek": "s",
-    "秒": "s",
-    "ミリ秒": "ms",
-    "毫秒": "ms",
     "minuten": "min",
     "stunden": "h",
     "day": "day",
@@ -320,7 +361,7 @@ _SPELLED_OUT = {
     if short + unit in _SYMBOLS
 }
 _SPELLED_OUT |= {"coulomb": "coulomb", "farad": "farad"}  # the symbols C and F alone are ambiguous
-_OTHER_SPELLINGS = {
+_OTHER_SPELLINGS = _CYRILLIC | {
     "deg C": "°C",
     "deg °C": "°C",
     "degC": "°C",
@@ -394,14 +435,14 @@ _TEN_TO = re.compile(
 )
 """Unit behind a power of ten, such as ``10^-3 m``, ``10⁻³ m`` or ``1e-3 m``."""
 _RAISED = re.compile("10([⁺⁻]?[⁰¹²³⁴-⁹]+)")
-_DIRECT = re.compile(r"(?<=[VA])\s*(?:DC|dc)$")  # Behind the unit of a direct voltage or current
+_DIRECT = re.compile(r"(?<=[VA])(?:\s*(?:DC|dc)|\s+vs\b.*)$")  # Behind the unit of a direct voltage or current
 FULL_WIDTH = str.maketrans("（）［］【】", "()[][]")  # Brackets among Chinese and Japanese characters
 
 
 def find_unit(text: str) -> str:
     """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names."""
     raised = _RAISED.sub(r"10^\1", text.strip())
-    bare = unicodedata.normalize("NFKC", raised.replace("º", "°"))  # full width, ㎜, U+00B5 and the like
+    bare = unicodedata.normalize("NFKC", raised.replace("º", "°").replace("Â", ""))  # full width, ㎜, U+00B5; Âµ was µ
     if in_brackets := bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()
     bare = _DIRECT.sub("", bare)

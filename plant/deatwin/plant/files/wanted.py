@@ -67,7 +67,9 @@ def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Ta
 def _scaled(unit: str) -> list[str]:
     """Return the units, the larger first, of which a scale such as ``V/kV``, ``1 V = 1 kV`` or ``mm/V`` tells the size."""
     parts = _SCALE.fullmatch(unit)
-    known = [found for found in map(find_unit, parts.groups()) if found] if parts else []
+    known = [find_unit(part) for part in parts.groups()] if parts else []
+    if not all(known):
+        return []  # a division of a screen is no unit
     return sorted(known, key=lambda name: -UNITS[name].numerator / UNITS[name].denominator)
 
 

@@ -1,5 +1,6 @@
 """Rig files in TOML: what the experimenter knows of a rig. `deatwin.plant.rigs.rigkinds` has the keys of each kind."""
 
+import logging
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, fields
@@ -15,11 +16,13 @@ from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigkeys import DIRECTIONS
 from deatwin.plant.rigs.rigkinds import KINDS
 from deatwin.plant.rigs.rigmaterial import read_material
-from deatwin.plant.rigs.rigmistakes import READINGS, Mistake, format_errors, lines_of, mistakes_of
+from deatwin.plant.rigs.rigmistakes import READINGS, Mistake, format_errors, lines_of, mistakes_of, remarks_of
 from deatwin.plant.rigs.rigreadings import readings_of
 from deatwin.plant.rigs.tomlfile import TomlFile
 from deatwin.plant.substance import Material
 from deatwin.plant.supply import Supply
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,8 +78,11 @@ class RigFile:
 
     @staticmethod
     def of(file: TomlFile) -> "RigFile":
-        """Read a rig from a parsed file; the error lists all mistakes with their lines."""
-        return _checked(_with_material(file.data, Path(file.path).parent), file.path, file.text)
+        """Read a rig from a parsed file; the error lists all mistakes with their lines, a warning each unusual value."""
+        data = _with_material(file.data, Path(file.path).parent)
+        rig = _checked(data, file.path, file.text)
+        _tell_unusual(data, file.path)
+        return rig
 
     def to_dict(self) -> dict[str, Any]:
         """Return sections, keys and values of the rig file, in its units, for JSON."""
@@ -154,7 +160,15 @@ def load_material(path: str | Path) -> Material:
     RigError
         If the file is missing or not TOML, or if it has no section ``[material]`` or one with mistakes.
     """
-    return _material_of(TomlFile.read(path, "material file"))
+    file = TomlFile.read(path, "material file")
+    found = _material_of(file)
+    _tell_unusual({"material": file.data["material"]}, file.path)
+    return found
+
+
+def _tell_unusual(data: Mapping[str, Any], source: str) -> None:
+    for remark in remarks_of(data):
+        logger.warning("%s, %s: %s", source, remark.where, remark.text)
 
 
 def _material_of(file: TomlFile) -> Material:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf, log
 from typing import Any
 
 from deatwin.plant.rigs.base import ReadingTime
@@ -18,7 +19,11 @@ class NumberKey:
     per_si: float = 1.0  # File units in one SI unit
     whole: bool = False  # True if only whole numbers are allowed
     required: bool = True  # True if the key must be present
-    slips: tuple[tuple[str, float, float], ...] = ()
+    usual: tuple[float, float] = (
+        0.0,
+        inf,
+    )  # Sizes that such devices have, without sign; any other is read with a warning
+    slips: tuple[tuple[str, float, float], ...] = ()  # Other units, with factor and shift to the file's unit
     about: str = ""
     instead: str = ""  # Key of the section that may replace this one
 
@@ -32,22 +37,35 @@ class NumberKey:
         if isinstance(value, bool) or not isinstance(value, int | float):
             return f"{_toml(value)} is {kind_of(value)}; it must be {self.allowed}"
         if not self.lower <= value <= self.upper:  # true for NaN, too
-            return (
-                f"{_toml(value)} is out of range; it must be from {self.lower:g} to {self.upper:g}{self._slip(value)}"
-            )
+            return f"{_toml(value)} is out of range; it must be from {self.lower:g} to {self.upper:g}{self.slip(value)}"
         return f"{_toml(value)} is not whole; it must be {self.allowed}" if self.whole and value % 1 else ""
+
+    def remark(self, value: float) -> str:
+        """Describe an allowed value that such devices hardly have; empty for a usual one and for zero."""
+        if not value or self._is_usual(value):
+            return ""
+        low, high = self.usual
+        usual = f"{low:g} to {high:g}" if low and high < inf else f"{low:g} or more" if low else f"at most {high:g}"
+        return f"{value:g} is unusual; most are {usual}{self.slip(value)}"
 
     def to_si(self, value: float) -> float:
         """Convert a value of the file to SI."""
         return value / self.per_si
 
-    def _slip(self, value: float) -> str:
-        """Suggest a value in the right unit if that would be in range, such as 0.5 for 0.0005 m in mm."""
-        for unit, factor, shift in self.slips if abs(value) < 1e12 else ():
-            meant = float(f"{value * factor + shift:.6g}")
-            if value and self.lower <= meant <= self.upper:
-                return f"; if that is {unit}, write {meant:g}"
-        return ""
+    def _is_usual(self, value: float) -> bool:
+        return self.usual[0] <= abs(value) <= self.usual[1]
+
+    def slip(self, value: float) -> str:
+        """Suggest a value in another unit if that would be usual, such as 0.5 for 0.0005 m in mm: the most usual one."""
+        meant = {}
+        for unit, factor, shift in self.slips if 0.0 < abs(value) < 1e12 else ():
+            size = float(f"{value * factor + shift:.6g}")
+            if self.lower <= size <= self.upper and self._is_usual(size):
+                meant[unit] = size
+        low, high = self.usual
+        known = 0.0 < low and high < inf
+        best = min(meant, key=lambda unit: abs(log(meant[unit] ** 2 / (low * high))) if known else 0.0, default="")
+        return f"; if that is {best}, write {meant[best]:g}" if best else ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,24 +98,31 @@ class TextKey:
 
 # Units in which a value may have been given by mistake, with factor and shift to the file's unit.
 _MM = (("in m", 1e3, 0.0), ("in µm", 1e-3, 0.0))
-_UM = (("in mm", 1e3, 0.0), ("in nm", 1e-3, 0.0))
-_MG = (("in mg", 1e-3, 0.0),)
+_UM = (("in mm", 1e3, 0.0), ("in nm", 1e-3, 0.0), ("in m", 1e6, 0.0))
+_G = (("in kg", 1e3, 0.0), ("in mg", 1e-3, 0.0))
 _KV = (("in kV a volt", 1e3, 0.0),)
 _MS = (("in ms", 1e-3, 0.0),)
 _MV = (("in mV", 1e-3, 0.0),)
 _UA = (("in A", 1e6, 0.0), ("in mA", 1e3, 0.0))
-_MOHM = (("in ohm", 1e-6, 0.0), ("in kohm", 1e-3, 0.0))
+_MOHM = (("in ohm", 1e-6, 0.0), ("in kohm", 1e-3, 0.0), ("in Gohm", 1e3, 0.0))
+_PF = (("in F", 1e12, 0.0), ("in µF", 1e6, 0.0), ("in nF", 1e3, 0.0))
+_MN = (("in N", 1e3, 0.0), ("in µN", 1e-3, 0.0))
+_N = (("in mN", 1e-3, 0.0),)
 _STRETCH = (("a strain", 1.0, 1.0), ("a strain in %", 0.01, 1.0))
 
 HIGHEST_FILM_VOLTAGE = 30e3  # V; no amplifier for these actuators gives more
 
+_CURRENTS = (2.0, 1e6)  # µA
+_RESOLVED = (5e-3, 300.0)  # µm
 Keys = Mapping[str, NumberKey | TextKey]
 MATERIAL = TextKey(
     field="material",
     about="a name in the table of materials, or a material file (.toml) beside this one",
     instead="[material]",
 )
-THICKNESS = NumberKey(field="thickness", lower=0.001, upper=10.0, per_si=1e3, slips=_MM, about="before stretching")
+THICKNESS = NumberKey(
+    field="thickness", lower=0.001, upper=10.0, per_si=1e3, usual=(0.005, 5.0), slips=_MM, about="before stretching"
+)
 PRESTRETCH = NumberKey(
     field="prestretch",
     lower=1.0,
@@ -107,7 +132,13 @@ PRESTRETCH = NumberKey(
 )
 DRIVE: Keys = {
     "gain": NumberKey(
-        field="gain", lower=1.0, upper=1e5, slips=_KV, about="film volts a command volt", instead="input"
+        field="gain",
+        lower=1.0,
+        upper=1e5,
+        usual=(20.0, 2e4),
+        slips=_KV,
+        about="film volts a command volt",
+        instead="input",
     ),
     "input": TextKey(
         field="input",
@@ -125,6 +156,7 @@ DRIVE: Keys = {
         field="start_ramp",
         lower=0.0,
         upper=86400.0,
+        usual=(0.0, 900.0),
         slips=_MS,
         about="before time 0 the first command was ramped up from 0 V in this time, 0 if the film rested at 0 V",
         instead="start",
@@ -149,6 +181,7 @@ DRIVE: Keys = {
         upper=1e9,
         per_si=1e6,
         required=False,
+        usual=_CURRENTS,
         slips=_UA,
         about="largest current into the film",
     ),
@@ -158,28 +191,45 @@ DRIVE: Keys = {
         upper=1e9,
         per_si=1e6,
         required=False,
+        usual=_CURRENTS,
+        slips=_UA,
         about="largest current out of it: 0 for a converter that cannot sink; the limit above if left out",
     ),
     **{
         f"{field}_Mohm": NumberKey(
-            field=field, lower=lower, upper=upper, per_si=1e-6, required=False, slips=_MOHM, about=about
+            field=field, lower=lower, upper=upper, per_si=1e-6, required=False, usual=usual, slips=_MOHM, about=about
         )
-        for field, lower, upper, about in (
-            ("series_resistance", 1e-6, 1e4, "between drive and film"),  # 1 nF behind it would charge in 10 s
-            ("bleed_resistance", 1e-3, 1e6, "across the film"),
+        for field, lower, upper, usual, about in (
+            # 1 nF behind the largest one would charge in 10 s.
+            ("series_resistance", 1e-6, 1e4, (1e-5, 1e4), "between drive and film"),
+            ("bleed_resistance", 1e-3, 1e6, (2.0, 1e6), "across the film"),
         )
     },
     "parallel_capacitance_pF": NumberKey(
-        field="parallel_capacitance", lower=0.0, upper=1e9, per_si=1e12, required=False, about="across the film"
+        field="parallel_capacitance",
+        lower=0.0,
+        upper=1e9,
+        per_si=1e12,
+        required=False,
+        usual=(0.1, 1e7),
+        slips=_PF,
+        about="across the film",
     ),
 }
 AGAINST = "against the motion"
 DIRECTIONS = {"along the motion": 1.0, AGAINST: -1.0}  # Sign of the motion in the reading, by the text in the file
 SENSOR: Keys = {
     "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings"),
-    "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, slips=_UM, about="rms"),
+    "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, usual=_RESOLVED, slips=_UM, about="rms"),
     "resolution_um": NumberKey(
-        field="resolution", lower=0.0, upper=1e4, per_si=1e6, required=False, slips=_UM, about="0 if left out"
+        field="resolution",
+        lower=0.0,
+        upper=1e4,
+        per_si=1e6,
+        required=False,
+        usual=_RESOLVED,
+        slips=_UM,
+        about="0 if left out",
     ),
     "zero": TextKey(
         field="zero",
@@ -209,21 +259,66 @@ PULL: Keys = {
 }
 LOAD_CELL: Keys = {
     "sample_rate_Hz": SENSOR["sample_rate_Hz"],
-    "noise_mN": NumberKey(field="noise", lower=0.0, upper=1e6, per_si=1e3, about="rms"),
+    "noise_mN": NumberKey(field="noise", lower=0.0, upper=1e6, per_si=1e3, usual=(0.01, 1e3), slips=_MN, about="rms"),
     "resolution_mN": NumberKey(
-        field="resolution", lower=0.0, upper=1e6, per_si=1e3, required=False, about="0 if left out"
+        field="resolution",
+        lower=0.0,
+        upper=1e6,
+        per_si=1e3,
+        required=False,
+        usual=(1e-3, 1e3),
+        slips=_MN,
+        about="0 if left out",
     ),
 }
 
 
-def length(field: str, about: str, *, lower: float = 0.01, per_si: float = 1e3, required: bool = True) -> NumberKey:
+def length(
+    field: str,
+    about: str,
+    *,
+    lower: float = 0.01,
+    upper: float = 1e3,
+    per_si: float = 1e3,
+    required: bool = True,
+    usual: tuple[float, float] = (0.5, 500.0),
+) -> NumberKey:
     """Make the key of a length in mm; a diameter that the rig stores as a radius has 2000 of them per SI unit."""
-    return NumberKey(field=field, lower=lower, upper=1e3, per_si=per_si, required=required, slips=_MM, about=about)
+    return NumberKey(
+        field=field, lower=lower, upper=upper, per_si=per_si, required=required, usual=usual, slips=_MM, about=about
+    )
 
 
-def mass(about: str, *, lower: float = 0.0, required: bool = False) -> NumberKey:
+def mass(
+    about: str, *, lower: float = 0.0, required: bool = False, usual: tuple[float, float] = (0.2, 1e3)
+) -> NumberKey:
     """Make the key of a mass in g."""
-    return NumberKey(field="mass", lower=lower, upper=1e3, per_si=1e3, required=required, slips=_MG, about=about)
+    return NumberKey(
+        field="mass", lower=lower, upper=1e3, per_si=1e3, required=required, usual=usual, slips=_G, about=about
+    )
+
+
+def force(field: str, about: str, *, lower: float = -1e3) -> NumberKey:
+    """Make the key of a force in N, which may be left out."""
+    return NumberKey(field=field, lower=lower, upper=1e3, required=False, usual=(1e-3, 200.0), slips=_N, about=about)
+
+
+def spring_rate(about: str, *, lower: float, required: bool = True) -> NumberKey:
+    """Make the key of a stiffness in N/m."""
+    return NumberKey(
+        field="spring_rate",
+        lower=lower,
+        upper=1e6,
+        required=required,
+        usual=(2.0, 1e5),
+        slips=(("in N/mm", 1e3, 0.0),),
+        about=about,
+    )
+
+
+def stretch(field: str, about: str, *, lower: float = 0.1, required: bool = True) -> NumberKey:
+    """Make the key of a second stretch."""
+    return NumberKey(field=field, lower=lower, upper=10.0, required=required, slips=_STRETCH, about=about)
 
 
 def kind_of(value: object) -> str:

@@ -18,9 +18,12 @@ from deatwin.plant.rigs.rigkeys import (
     Keys,
     NumberKey,
     TextKey,
+    force,
     key_schema,
     length,
     mass,
+    spring_rate,
+    stretch,
 )
 from deatwin.plant.rigs.rigmaterial import MATERIAL_SCHEMA
 from deatwin.plant.rigs.rigreadings import readings_schema
@@ -59,20 +62,15 @@ COMMANDS = tuple(
     (("drive", low), ("drive", high))
     for low, high in (("command_min_V", "command_max_V"), ("stretch_min", "stretch_max"))
 )
-_SIDE = NumberKey(
-    field="side_prestretch",
-    lower=0.1,
-    upper=10.0,
-    required=False,
-    about="across the motion; the same as along it if left out",
-)
-_FORCE = NumberKey(field="load", lower=-1e3, upper=1e3, required=False, about="0 if left out; it pulls the rig longer")
+_SIDE = stretch("side_prestretch", "across the motion; the same as along it if left out", required=False)
+_FORCE = force("load", "0 if left out; it pulls the rig longer")
 _SILICONE: Mapping[str, float | str] = {
     "material": "Elastosil 2030",
     "thickness_mm": 0.05,
     "prestretch": 1.2,
     "frame_diameter_mm": 40.0,
 }
+_MARK = (0.01, 1e3)  # g; a mark for the sensor may be all that moves with the film
 _MOVED = mass("that moves; 0 if left out")
 
 KINDS: Mapping[str, RigKind] = MappingProxyType(
@@ -104,7 +102,7 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
                 "frame_diameter_mm": length("frame_radius", "of the ring, inside", lower=1.0, per_si=2e3),
                 "electrode_diameter_mm": length("electrode_radius", "on the stretched film", lower=0.1, per_si=2e3),
             },
-            load={"mass_g": mass("that the electrode's edge carries; 0 if left out")},
+            load={"mass_g": mass("that the electrode's edge carries; 0 if left out", usual=_MARK)},
             below=(_ELECTRODE_IN_FRAME,),
             examples={
                 "material": "Elastosil 2030",
@@ -134,7 +132,15 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
             about="A stack: films on top of each other that contract across their faces.",
             film={
                 "layers": NumberKey(field="layers", lower=1.0, upper=1e6, whole=True, about="number of films"),
-                "area_mm2": NumberKey(field="area", lower=0.01, upper=1e6, per_si=1e6, about="of a film's electrode"),
+                "area_mm2": NumberKey(
+                    field="area",
+                    lower=0.01,
+                    upper=1e6,
+                    per_si=1e6,
+                    usual=(1.0, 2e5),
+                    slips=(("in m²", 1e6, 0.0),),
+                    about="of a film's electrode",
+                ),
             },
             load={"force_N": _FORCE, "mass_g": _MOVED},
             absent={"mass": 0.0, "load": 0.0},
@@ -165,18 +171,18 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
             about="A spring roll: a film wound around a compressed spring, which voltage lets lengthen.",
             film={
                 "length_mm": length("length", "along the axis, before stretching"),
-                "width_mm": NumberKey(
-                    field="width",
+                "width_mm": length(
+                    "width",
+                    "along the winding, before stretching; of two films wound together, the sum",
                     lower=0.1,
                     upper=1e5,
-                    per_si=1e3,
-                    about="along the winding, before stretching; of two films wound together, the sum",
+                    usual=(15.0, 1e5),
                 ),
                 "prestretch": PRESTRETCH,
-                "hoop_prestretch": NumberKey(field="hoop_prestretch", lower=1.0, upper=10.0, about="around the axis"),
+                "hoop_prestretch": stretch("hoop_prestretch", "around the axis", lower=1.0),
             },
             load={
-                "spring_rate_N_m": NumberKey(field="spring_rate", lower=1e-3, upper=1e6, about="of the core"),
+                "spring_rate_N_m": spring_rate("of the core", lower=1e-3),
                 "force_N": _FORCE,
                 "mass_g": _MOVED,
             },
@@ -193,32 +199,23 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
             },
             load={
                 "mass_g": mass("of the disc and what hangs on it", required=True),
-                "spring_rate_N_m": NumberKey(
-                    field="spring_rate", lower=0.0, upper=1e6, required=False, about="of a linear spring; 0 if left out"
+                "spring_rate_N_m": spring_rate("of a linear spring; 0 if left out", lower=0.0, required=False),
+                "spring_preload_N": force(
+                    "spring_preload", "force of the springs on the flat film, along the motion; 0 if left out"
                 ),
-                "spring_preload_N": NumberKey(
-                    field="spring_preload",
+                "snap_force_N": force(
+                    "snap_force", "largest force of a bistable spring between its two places; 0 if left out", lower=0.0
+                ),
+                "snap_middle_mm": length(
+                    "snap_middle",
+                    "height of the disc in the middle between these places; 3 if left out",
                     lower=-1e3,
-                    upper=1e3,
                     required=False,
-                    about="force of the springs on the flat film, along the motion; 0 if left out",
+                    usual=(0.05, 100.0),
                 ),
-                "snap_force_N": NumberKey(
-                    field="snap_force",
-                    lower=0.0,
-                    upper=1e3,
-                    required=False,
-                    about="largest force of a bistable spring between its two places; 0 if left out",
+                "snap_reach_mm": length(
+                    "snap_reach", "from the middle to each place; 2 if left out", required=False, usual=(0.05, 100.0)
                 ),
-                "snap_middle_mm": NumberKey(
-                    field="snap_middle",
-                    lower=-1e3,
-                    upper=1e3,
-                    per_si=1e3,
-                    required=False,
-                    about="height of the disc in the middle between these places; 3 if left out",
-                ),
-                "snap_reach_mm": length("snap_reach", "from the middle to each place; 2 if left out", required=False),
             },
             below=((("film", "disc_diameter_mm"), ("film", "frame_diameter_mm")),),
             examples={
@@ -240,9 +237,15 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
             },
             load={
                 "pressure_kPa": NumberKey(
-                    field="pressure", lower=1e-4, upper=1e3, per_si=1e-3, about="inside above that outside"
+                    field="pressure",
+                    lower=1e-4,
+                    upper=1e3,
+                    per_si=1e-3,
+                    usual=(0.02, 100.0),
+                    slips=(("in Pa", 1e-3, 0.0), ("in bar", 1e2, 0.0), ("in MPa", 1e3, 0.0)),
+                    about="inside above that outside",
                 ),
-                "mass_g": mass("on the apex besides the film; 0 if left out"),
+                "mass_g": mass("on the apex besides the film; 0 if left out", usual=_MARK),
             },
             examples={**_SILICONE, "pressure_kPa": 0.5},
         ),

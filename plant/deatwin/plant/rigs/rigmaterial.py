@@ -23,7 +23,12 @@ SPREAD = 5.0
 LIMITS = ("stretch_limit", "locking_stretch")
 _VALUE = "a number, or { value = 330e3, low = 250e3, high = 500e3 }"
 KEYS = ("name", "energy", "parameters", "branches", "permittivity", "breakdown", "density_kg_m3")
-_BRANCH = {"modulus_Pa": (1.0, 1e9), "time_s": (1e-4, 1e7)}
+_MODULUS = NumberKey(
+    field="modulus", lower=1.0, upper=1e9, usual=(500.0, 1e9), slips=(("in MPa", 1e6, 0.0), ("in kPa", 1e3, 0.0))
+)
+_BRANCH = {"modulus_Pa": _MODULUS, "time_s": NumberKey(field="time", lower=1e-4, upper=1e7)}
+_PERMITTIVITY = NumberKey(field="permittivity", lower=1.0, upper=1e6, usual=(1.0, 150.0))
+_DENSITY = NumberKey(field="density", lower=1e-3, upper=1e6, usual=(200.0, 8000.0), slips=(("in g/cm³", 1e3, 0.0),))
 _BREAKDOWN = {
     "field_MV_m": NumberKey(field="field", lower=0.1, upper=1e4, per_si=1e-6),
     "thickness_um": NumberKey(field="thickness", lower=0.01, upper=1e5, per_si=1e6, required=False),
@@ -175,6 +180,26 @@ def read_material(section: object) -> tuple[Material | None, list[tuple[tuple[st
     return (None if reader.mistakes else replace(base, **changed)), reader.mistakes
 
 
+def material_remarks(section: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield the path of each value of a section without mistakes that hardly any elastomer has, and a description."""
+    found, _ = read_material(section)
+    if found is None:
+        return
+    stated: list[tuple[tuple[str, ...], NumberKey, float]] = []
+    if "parameters" in section:  # the coefficients of higher orders may be small
+        stiffest = max((p for p in found.elastic if p.unit == "Pa"), key=lambda p: abs(p.value), default=None)
+        stated += [(("parameters", stiffest.name), _MODULUS, stiffest.value)] if stiffest else []
+    if "branches" in section:
+        stated += [(("branches",), _MODULUS, branch.modulus.value) for branch in found.branches]
+    if "permittivity" in section:
+        stated.append((("permittivity",), _PERMITTIVITY, found.permittivity.value))
+    if "density_kg_m3" in section:
+        stated.append((("density_kg_m3",), _DENSITY, found.density))
+    for path, key, value in stated:
+        if text := key.remark(value):
+            yield path, text
+
+
 def _base(reader: _Reader) -> tuple[Material, Callable[..., Symbol]] | None:
     """Return the published material with the section's name, or an unknown one, and the energy."""
     name, energy = reader.text("name"), reader.text("energy")
@@ -236,14 +261,16 @@ def _branches(reader: _Reader) -> Iterator[Branch]:
                     ("branches",), f'unknown key "{clipped(key)}" in branch {number}; known are modulus_Pa, time_s'
                 )
         parts = []
-        for key, (low, high) in _BRANCH.items():
+        for key, allowed in _BRANCH.items():
             what, unit = key.split("_")
             found = reader.parameter(("branches",), entry.get(key), f"{name}_{what}", unit) if key in entry else None
             if key not in entry:
                 reader.told(("branches",), f'branch {number} lacks "{key}"; it must be {_VALUE}')
-            elif found is not None and not low <= found.lower <= found.upper <= high:
+            elif found is not None and not allowed.lower <= found.lower <= found.upper <= allowed.upper:
                 reader.told(
-                    ("branches",), f"{key} of branch {number} is out of range; it must be from {low:g} to {high:g}"
+                    ("branches",),
+                    f"{key} of branch {number} is out of range; it must be from {allowed.lower:g} to {allowed.upper:g}"
+                    + allowed.slip(found.value),
                 )
             parts.append(found)
         if parts[0] is not None and parts[1] is not None:

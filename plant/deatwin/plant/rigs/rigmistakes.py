@@ -12,7 +12,7 @@ from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.readings import ELECTRICAL_UNITS
 from deatwin.plant.rigs.rigkeys import DRIVE, HIGHEST_FILM_VOLTAGE, Keys, NumberKey, TextKey, kind_of
 from deatwin.plant.rigs.rigkinds import COMMANDS, KINDS, Pair
-from deatwin.plant.rigs.rigmaterial import read_material
+from deatwin.plant.rigs.rigmaterial import material_remarks, read_material
 from deatwin.plant.rigs.rigreadings import READING_KEYS, unit_fault
 from deatwin.plant.safe_read import clipped
 from deatwin.plant.supply import Supply
@@ -75,6 +75,22 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     ]
     meant = {mistake.meant for mistake in found if mistake.meant}
     return [mistake for mistake in found if mistake.missing not in meant]
+
+
+def remarks_of(data: Mapping[str, Any]) -> list[Mistake]:
+    """Find the values of a rig file without mistakes that such rigs hardly have."""
+    sections = KINDS[data.get("kind", "diaphragm")].sections
+    found = [
+        Mistake(text=text, at=(section, name), line_of=(section, name))
+        for section, keys in sections.items()
+        for name, value in data.get(section, {}).items()
+        if isinstance(key := keys[name], NumberKey) and (text := key.remark(value))
+    ]
+    found += [
+        Mistake(text=text, at=("material", *path), line_of=("material", *path))
+        for path, text in material_remarks(data.get("material", {}))
+    ]
+    return found
 
 
 def _key_of_kind(data: Mapping[str, Any]) -> str:
@@ -300,8 +316,7 @@ def _unknown(name: str, value: object, section: str, called: str, table: Mapping
 
 def _in_its_unit(name: str, value: object, offered: str) -> str:
     """Say that the key that is offered is another quantity or has another unit, with the value in it if it is known."""
-    (said, _, last), (other, _, unit) = (key.rpartition("_") for key in (name, offered))
-    given, wanted = find_unit(last), find_unit(unit)
+    (said, given), (other, wanted) = map(_quantity_and_unit, (name, offered))
     if not given or not wanted:
         return ""
     if not nearest(said, (other,), likeness=ALIKE):
@@ -312,6 +327,13 @@ def _in_its_unit(name: str, value: object, offered: str) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float) or UNITS[given].si != UNITS[wanted].si:
         return said
     return f"{said}: {float(UNITS[given].onto(UNITS[wanted], wanted).to_si(np.array(float(value)))):.6g}"
+
+
+def _quantity_and_unit(key: str) -> tuple[str, str]:
+    """Return the name of a key without its unit, and the unit: ``N/m`` of ``spring_rate_N_m``; both may be empty."""
+    *said, above, below = ["", "", *key.split("_")]
+    quotient = find_unit(f"{above}/{below}") if find_unit(above) and said[-1] else ""
+    return ("_".join(said[2:]), quotient) if quotient else ("_".join([*said, above][2:]), find_unit(below))
 
 
 def _order(

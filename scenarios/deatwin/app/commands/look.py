@@ -92,11 +92,11 @@ def look(
     record = RunRecord(command=context.obj or [], inputs=hashes(files or []), seed=0, jobs=1)
     asked = ReadOptions.of(context.params)
     with nullcontext() if out is None else ResultFolder(out) as folder:
-        seen = [_seen(path, asked, voice) for path in files or []]
+        seen = [_seen(path, asked, voice, rig) for path in files or []]
         together = _together(seen)
         if together is not None:
             voice.say(f"all recordings together: {together}")
-        following = next_step(seen, None if place is None else str(place))
+        following = next_step(seen, None if place is None else str(place), rig or "diaphragm")
         voice.say(f"next: {following.sentence}" + (f":\n  {following.command}" if following.command else ""))
         result = _result(seen, together, following)
         looks = [one.look for one in seen if one.look is not None]
@@ -112,16 +112,17 @@ def look(
             raise typer.Exit(1)
 
 
-def _seen(path: Path, asked: ReadOptions, voice: Voice) -> Seen:
-    """Read a file, describe it, and print the description."""
+def _seen(path: Path, asked: ReadOptions, voice: Voice, rig: str | None) -> Seen:
+    """Read a file, for a kind of rig if one is named, describe it, and print the description."""
     import shlex
 
     from deatwin.app.look_next import Seen
     from deatwin.ident.look import look_at
     from deatwin.plant.errors import DeatwinError
     from deatwin.plant.files.understood import understand
+    from deatwin.plant.rigs.rigkinds import KINDS
 
-    file = understand(path, asked)
+    file = understand(path, asked, units=KINDS[rig].units if rig else None)
     voice.say(str(path))
     for column in file.columns:
         unit = f", {column.unit}" if column.unit else ", unit not given" if column.role in ("input", "output") else ""

@@ -191,7 +191,7 @@ class TestFaults:
     @pytest.mark.parametrize(
         ("lines", "message"),
         [
-            ([HEADER.replace("time_s", "tme_s_"), *rows()], r'no column "time_s"; .*mean "tme_s_"\?'),
+            ([HEADER.replace("time_s", "tme-s"), *rows()], r'no column "time_s"; .*mean "tme-s"\?'),
             ([HEADER.replace("command_V", "command"), *rows()], r'"command" has the unit \(none\).*"command_V"'),
         ],
     )

@@ -155,6 +155,56 @@ READ = {
         "y_mm",
         {},
     ),
+    "units among the settings of an oscilloscope": (
+        "Model,MSO64\nHorizontal Units,s\nSample Interval,0.02\nVertical Units,V,mm\nVertical Scale,1,1\n,\nTIME,CH1,CH2\n"
+        + plain(),
+        "CH1",
+        "CH2",
+        {},
+    ),
+    "units among the settings of LabVIEW": (
+        "Channels\t2\nSamples\t60\t60\nY_Unit_Label\tV\tmm\nDelta_X\t0.02\t0.02\n***End_of_Header***\nX_Value\tCmd\tLaser\n"
+        + plain(mark="\t"),
+        "Cmd",
+        "Laser",
+        {"time_column": "X_Value"},
+    ),
+    "units of a potentiostat": (
+        "\tPt\tT\tVf\tIm\n\t#\ts\tV vs. Ref.\tmm\n" + table([""] * 60, range(60), T, U, Y, mark="\t"),
+        "Vf",
+        "Im",
+        {},
+    ),
+    "commas between names above blanks": (
+        "# t [s], u [V], y [mm]\n" + plain(mark=" "),
+        "u [V]",
+        "y [mm]",
+        {"time_column": "#1"},
+    ),
+    "commas before units and in numbers": (
+        "Zeit, s;Kommando, V;Weg, mm\n" + plain(mark=";").replace(".", ","),
+        "Kommando, V",
+        "Weg, mm",
+        {},
+    ),
+    "ruled lines of a report": (
+        "Time Cmd Laser\n==== === =====\n(s) (V) (mm)\n--------------\n" + plain(mark="  "),
+        "Cmd",
+        "Laser",
+        {},
+    ),
+    "a table of Markdown": (
+        "| t (s) | u (V) | y (mm) |\n|---|---|---|\n" + table([""] * 60, np.round(T, 2), U, Y, mark="|"),
+        "u (V)",
+        "y (mm)",
+        {"time_column": "t (s)"},
+    ),
+    "dates without marks": (
+        "Time,u_V,y_mm\n" + plain(f"202405011011{12000 + round(1e3 * t):05d}" for t in T),
+        "u_V",
+        "y_mm",
+        {},
+    ),
     "dates of C": (
         "Timestamp,u_V,y_mm\n" + plain(f"Wed May  1 10:11:{12 + t:05.2f} 2024" for t in T),
         "u_V",
@@ -278,12 +328,18 @@ def test_the_last_column_needs_no_unit_below_its_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("head", "output"),
-    [("Operator,Smith,Date,Day\nt,s,F,V", "s"), ("Interval:,0.02\nVertical Units:,V,V,V\nTime,x,y,V", "y")],
+    ("head", "output", "unit"),
+    [
+        ("Operator,Smith,Date,Day\nt,s,F,V", "s", ""),
+        ("Interval:,0.02\nLevels:,V,V,V\nTime,x,y,V", "y", ""),
+        ("Interval:,0.02\nVertical Units:,V,V,V\nTime,x,y,V", "y", "V"),
+    ],
 )
-def test_units_without_names_above_them_are_no_units(tmp_path: Path, head: str, output: str) -> None:
+def test_words_without_names_above_them_are_units_if_their_line_says_so(
+    tmp_path: Path, head: str, output: str, unit: str
+) -> None:
     (tmp_path / "r.csv").write_text(f"{head}\n{table(T, Y, Y, U)}", encoding="utf-8")
-    assert read_recording(tmp_path / "r.csv", input_column="V", output_column=output).output_units == ("",)
+    assert read_recording(tmp_path / "r.csv", input_column="V", output_column=output).output_units == (unit,)
 
 
 @pytest.mark.parametrize("step", [20.0, 2.5, 16.667])
@@ -351,3 +407,39 @@ def test_a_unit_beside_the_vector_of_a_struct_is_its_unit(tmp_path: Path) -> Non
     found = read_recording(tmp_path / "r.mat", input_column="run.Y(1).Data", output_column="run.Y(2).Data")
     np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-12)
     assert (found.sample_time, found.input_units) == (pytest.approx(DT), ("V",))
+
+
+@pytest.mark.parametrize(
+    ("encoding", "names"),
+    [
+        ("cp932", ["時間(ms)", "センサー電圧(kV)", "ストローク(μm)"]),
+        ("cp932", ["t(ms)", "HV(kV)", "Disp(μm)"]),
+        ("cp1251", ["Время, мс", "Напряжение, кВ", "Перемещение, мкм"]),
+        ("cp1251", ["ВРЕМЯ (мс)", "НАПРЯЖЕНИЕ (кВ)", "ХОД (мкм)"]),
+        ("gbk", ["时间(ms)", "电压(kV)", "位移(um)"]),
+        ("cp1252", ["Prüfzeit (ms)", "Spannung über Film (kV)", "Größe (µm)"]),
+        ("cp1252", ["t (ms)", "“HV” – déjà vu (kV)", "y (µm)"]),
+    ],
+)
+def test_names_in_the_code_page_of_a_country(tmp_path: Path, encoding: str, names: list[str]) -> None:
+    (tmp_path / "r.csv").write_bytes(("\t".join(names) + "\n" + plain(20 * np.arange(60), "\t")).encode(encoding))
+    found = read_recording(tmp_path / "r.csv", input_column=names[1], output_column=names[2], time_column=names[0])
+    np.testing.assert_allclose(found.inputs[0], 1e3 * U, rtol=1e-12)
+    np.testing.assert_allclose(found.outputs[0], 1e-6 * Y, rtol=1e-12)
+    assert found.sample_time == pytest.approx(DT, rel=1e-6)
+
+
+def test_marks_of_missing_values_are_no_names(tmp_path: Path) -> None:
+    rows = ["0.00,---,---", "---,---,---", *plain().splitlines()]
+    (tmp_path / "r.csv").write_text("\n".join(["t (s),u (kV),y (um)", *rows]), encoding="utf-8")
+    with pytest.raises(DataError, match=r'row 3, column "t \(s\)": "---" is not a number'):
+        read_recording(tmp_path / "r.csv", input_column="u (kV)", output_column="y (um)", time_column="#1")
+
+
+def test_a_factor_is_no_position_and_the_number_of_a_row_no_reading(tmp_path: Path) -> None:
+    """A name with x10 or x1000 was guessed to be a position, and a meter's one channel to follow its row numbers."""
+    (tmp_path / "scope.csv").write_text("time (s),HV x1000 (V),laser (V)\n" + plain(), encoding="utf-8")
+    found = understand(tmp_path / "scope.csv")
+    assert [column.role for column in found.columns] == ["time", "input", "output"]
+    (tmp_path / "meter.csv").write_text("NO.,Time,Value\n" + table(range(60), T, U), encoding="utf-8")
+    assert not understand(tmp_path / "meter.csv").recordings

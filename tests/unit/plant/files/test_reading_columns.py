@@ -108,6 +108,9 @@ def test_faults_of_columns_are_said(tmp_path: Path) -> None:
     ):
         with pytest.raises(DataError, match=text):
             read_recording(tmp_path / "lab.csv", readings=[Reading(name="current", noise=1e-9, column=column)])
+    bare = Reading(name="current", noise=1e-9, unit="A", column="I_mon")
+    with pytest.raises(DataError, match=r'"I_mon=UNIT", with one of A, mA, uA, nA, pA, kA$'):  # A is hardly meant
+        read_recording(tmp_path / "lab.csv", readings=[bare])
 
 
 @pytest.mark.parametrize(

@@ -226,6 +226,13 @@ def test_the_scale_of_a_monitor_is_no_unit(tmp_path: Path, header: str) -> None:
     assert found.inputs[0, 6] == 6.0 and found.input_units[0] not in ("V", "1")
 
 
+def test_a_division_of_a_screen_is_not_what_one_stands_for(tmp_path: Path) -> None:
+    rows = [f"{0.02 * k:.2f},{k % 7},{k % 5}" for k in range(40)]
+    (tmp_path / "r.csv").write_text("\n".join(["time_s,HV (kV/div),y_mm", *rows, ""]), encoding="utf-8")
+    with pytest.raises(DataError, match=r'is in kV/div, but the model needs it in V; .* "HV \(kV/div\)=UNIT"$'):
+        read_recording(tmp_path / "r.csv", input_column="HV (kV/div)", output_column="y_mm", input_unit="V")
+
+
 @pytest.mark.parametrize(
     ("header", "name", "unit"),
     [

@@ -11,7 +11,8 @@ from deatwin.plant import load_plant
 from deatwin.plant.errors import RigError
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
 from deatwin.plant.rigs.rigkinds import KINDS
-from deatwin.plant.rigs.rigmistakes import MOST, mistakes_of
+from deatwin.plant.rigs.rigmistakes import MOST, mistakes_of, remarks_of
+from deatwin.plant.rigs.rigtemplate import rig_template
 
 WRONG = """\
 # of the second visit
@@ -234,14 +235,17 @@ def test_mistakes_in_material_and_film_are_told_together_with_their_lines(tmp_pa
         ("thickness_in = 0.02", '"thickness_mm"? Its value is in mm, not in inch: 0.508'),
         ("frame_radius_mm = 40.0", '"frame_diameter_mm"? It is another quantity, in mm'),
         ("sample_time_s = 0.02", '"sample_rate_Hz"? It is another quantity, in Hz'),
+        ("spring_rate_N_mm = 0.25", '"spring_rate_N_m"? Its value is in N/m, not in N/mm: 250'),
         ("start_ramp_ms = 2000", '"start_ramp_s"? Its value is in s, not in ms: 2'),
     ],
 )
 def test_a_key_in_another_unit_is_offered_with_its_value_there(given, said):
     name = given.partition(" ")[0]
-    section = next(s for s, keys in KINDS["diaphragm"].sections.items() if said.split('"')[1] in keys)
+    kind, section = next(
+        (k, s) for k, one in KINDS.items() for s, keys in one.sections.items() if said.split('"')[1] in keys
+    )
     value = tomllib.loads(given)[name]
-    (found,) = (m for m in mistakes_of({section: {name: value}}) if m.line_of == (section, name))
+    (found,) = (m for m in mistakes_of({"kind": kind, section: {name: value}}) if m.line_of == (section, name))
     assert found.text == f'unknown key "{name}"; did you mean {said}'
 
 
@@ -260,3 +264,70 @@ def test_commands_that_no_film_takes(drive: str, fault: str) -> None:
     rig = tomllib.loads(RIG.replace("gain = 800.0", drive))
     found = [mistake.text for mistake in mistakes_of(rig)]
     assert len(found) == bool(fault) and all(re.fullmatch(f"{fault}.*", text) for text in found), found
+
+
+UNUSUAL = [
+    ("diaphragm", "load", "mass_g", 0.003, "0.003 is unusual; most are 0.2 to 1000; if that is in kg, write 3"),
+    ("diaphragm", "load", "contact_diameter_mm", 0.02, "in m, write 20"),
+    ("diaphragm", "drive", "gain", 2.0, "in kV a volt, write 2000"),
+    ("diaphragm", "drive", "current_limit_uA", 0.2, "in mA, write 200"),
+    ("diaphragm", "drive", "sink_current_uA", 2e-4, "in A, write 200"),
+    ("diaphragm", "drive", "bleed_resistance_Mohm", 0.5, "in Gohm, write 500"),
+    ("diaphragm", "drive", "parallel_capacitance_pF", 1e-10, "in F, write 100"),
+    ("diaphragm", "drive", "start_ramp_s", 2000.0, "in ms, write 2"),
+    ("diaphragm", "sensor", "noise_um", 0.002, "in mm, write 2"),
+    ("diaphragm", "sensor", "noise_um", 2e-6, "in m, write 2"),
+    ("planar", "film", "length_mm", 0.05, "in m, write 50"),
+    ("roll", "film", "width_mm", 0.5, "in m, write 500"),
+    ("roll", "load", "spring_rate_N_m", 0.25, "in N/mm, write 250"),
+    ("roll", "load", "force_N", -500.0, "in mN, write -0.5"),
+    ("cone", "load", "snap_middle_mm", 0.003, "in m, write 3"),
+    ("pressure", "load", "pressure_kPa", 500.0, "in Pa, write 0.5"),
+    ("pressure", "load", "pressure_kPa", 0.005, "in bar, write 0.5"),
+    ("coupon", "sensor", "noise_mN", 0.002, "in N, write 2"),
+]
+"""Values that are allowed but in another unit than the key says, and the value that was meant."""
+
+
+def filled_in(kind: str) -> dict[str, dict[str, float | str]]:
+    """Return the sections of a rig file of a kind, with the examples of its template."""
+    text = re.sub(r"(?m)^#(?=\w)", "", rig_template({}, kind))
+    return tomllib.loads(text)
+
+
+@pytest.mark.parametrize(("kind", "section", "key", "value", "told"), UNUSUAL)
+def test_a_value_that_such_a_rig_hardly_has_is_warned_of_with_the_unit_that_may_be_meant(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, kind: str, section: str, key: str, value: float, told: str
+) -> None:
+    text = re.sub(r"(?m)^#(?=\w)", "", rig_template({}, kind))
+    path = tmp_path / "rig.toml"
+    path.write_text(re.sub(rf"(?m)^{key} = .*$", f"{key} = {value!r}", text), encoding="utf-8")
+    rig = read_rig(path)
+    assert rig.stated[section][key] == value
+    (said,) = caplog.messages
+    assert said.startswith(f"{path}, [{section}] {key}: ") and said.endswith(told)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_examples_of_a_template_are_usual(kind: str) -> None:
+    rig = filled_in(kind)
+    assert not mistakes_of(rig) and not remarks_of(rig)
+
+
+@pytest.mark.parametrize(
+    ("line", "at", "told"),
+    [
+        ("parameters = { mu1 = 0.6, alpha1 = 1.3, mu2 = 0.001, alpha2 = 5.0 }", "parameters mu1", "MPa, write 600000"),
+        ("parameters = { mu1 = 300, alpha1 = 2.0 }", "parameters mu1", "kPa, write 300000"),
+        ("branches = [{ modulus_Pa = 40, time_s = 8.0 }]", "branches", "kPa, write 40000"),
+        ("density_kg_m3 = 1.07", "density_kg_m3", "g/cm³, write 1070"),
+        ("permittivity = 280", "permittivity", "most are 1 to 150"),
+        ("parameters = { mu1 = 6e5, alpha1 = 1.3, mu2 = 1.0, alpha2 = 5.0 }", "", ""),
+    ],
+)
+def test_an_elastomer_of_another_stiffness_or_density_is_warned_of(line: str, at: str, told: str) -> None:
+    parameters = "" if line.startswith("parameters") else "\nparameters = { mu1 = 6e5, alpha1 = 1.3 }"
+    material = tomllib.loads(f'energy = "ogden"{parameters}\n{line}')
+    remarks = remarks_of({"material": material})
+    assert [remark.where for remark in remarks] == ([f"[material] {at}"] if at else [])
+    assert all(remark.text.endswith(told) for remark in remarks)
