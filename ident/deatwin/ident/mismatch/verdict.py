@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+from deatwin.ident.mismatch.thresholds import NEGLIGIBLE
 from deatwin.plant.prefixes import prefixed
 from deatwin.plant.records import OPTIONAL
-
-NOTHING = 1e-3
-"""Share of its interval below which a value is written as 0."""
 
 
 class Verdict(Enum):
@@ -93,7 +91,7 @@ class Interval:
 
         The estimate is shown as 0 if the interval contains zero and the estimate is below a thousandth of its width.
         """
-        nothing = self.low <= 0.0 <= self.high and abs(self.value) < NOTHING * (self.high - self.low)
+        nothing = self.low <= 0.0 <= self.high and abs(self.value) < NEGLIGIBLE * (self.high - self.low)
         value = 0.0 if nothing else self.value
         size, unit = prefixed(value or max(self.high, -self.low), self.unit)
         return Shown(value=value / size, low=self.low / size, high=self.high / size, unit=unit)

@@ -10,15 +10,16 @@ from dataclasses import replace
 from functools import partial
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.criteria import MOST, explained, is_near_model_error, suffices
+from deatwin.ident.mismatch.naming.criteria import explained, is_near_model_error, suffices
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out
+from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out
 from deatwin.ident.mismatch.naming.evidence_ratio import advantage, likeliest
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.pairs import barely, with_doubt
 from deatwin.ident.mismatch.naming.refit_all_data import judged_on_everything
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.tried import Names, once
+from deatwin.ident.mismatch.thresholds import MOST, STRONG
 
 _Decision = Callable[[Search, Sequence[Names]], Naming]
 MOST_NEARLY = 2

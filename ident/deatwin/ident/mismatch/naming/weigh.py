@@ -55,6 +55,8 @@ from deatwin.ident.mismatch.naming.criteria import inwards
 from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.plan.seen import Change, products
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.thresholds import TINY
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.effects.delay import Delay
 from deatwin.plant.parameters import Parameter
 
@@ -64,8 +66,6 @@ contribution: of the part that another law of the same mechanism could cause, an
 LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
 """Effects whose laws vary more, and not by a filter; for them both deviations have this value. It was measured between
 other laws of these mechanisms and the catalogue's (docs/development/evidence.md)."""
-FAR = 1e-300
-"""Smallest divisor."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -217,7 +217,7 @@ class Scale:
     def _missed(self, alone: Candidate) -> tuple[float, float]:
         """Return the rms law error of one effect, SI: the part another law could cause, and the rest."""
         # Without the effect the plant may have no equilibrium; no contribution exceeds the whole motion.
-        does = min(_rms(alone.contribution), motion_of(self.problem.fitted, self.error.readings))
+        does = min(root_mean_square(alone.contribution), motion_of(self.problem.fitted, self.error.readings))
         own, other = (LOOSE, LOOSE) if LOOPS.intersection(alone.effects) else (OWN, OTHER)
         return own * does, other * does
 
@@ -260,7 +260,7 @@ class Scale:
         for change, along, square in zip(changes[1:], among[0, 1:], np.diagonal(among)[1:], strict=True):
             if not fit.plant.lacks(effects[change.effect]) or square <= 0.0:
                 continue
-            law = _rms(self._rest(change.readings, alone)) / max(_rms(change.readings), FAR)
+            law = root_mean_square(self._rest(change.readings, alone)) / max(root_mean_square(change.readings), TINY)
             fitted = along / square if along > 0.0 or not change.one_sided else 0.0
             deviation, factor = touching(change.deviation, fitted)
             either = np.logaddexp(0.0, _gain(along, square, law, False)) - np.log(2.0)
@@ -281,7 +281,3 @@ def _gain(along: float, square: float, deviation: float, one_sided: bool) -> flo
 def _is_known(contribution: np.ndarray) -> bool:
     """Return whether an effect's contribution is known; without the effect the plant may have no equilibrium."""
     return bool(np.isfinite(contribution).all() and contribution.any())
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
