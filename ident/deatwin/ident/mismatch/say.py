@@ -30,13 +30,12 @@ from deatwin.plant.prefixes import prefixed, resolving, time_span
 from deatwin.plant.recording import label
 from deatwin.plant.words import as_sentence, listed, spaced
 
-MOST_FAULTS = 3
 COUNTED = {2: "two effects", 3: "three effects"}
 MOST_CHANGED = 2
 """Largest number of changed parameters that are named."""
 MOST_NAMED = 3
-"""Number of possible explanations that are named if at least two others are only counted; a report lists all of them in a
-table."""
+"""Number of faults, and of possible explanations, that are named; a single further explanation is named, too. A report
+lists all of them in a table."""
 _LEVEL = "95 % interval: "
 
 
@@ -360,14 +359,14 @@ def _disturbance(diagnosis: Diagnosis) -> list[str]:
 def _data_fault(diagnosis: Diagnosis) -> list[str]:
     faults = diagnosis.faults
     many = any(fault.experiment > 1 for fault in faults)
-    said = [_fault(fault, many) for fault in faults[:MOST_FAULTS]]
+    said = [_fault(fault, many) for fault in faults[:MOST_NAMED]]
     if len(said) == 1:
         return [f"the recording is faulty: {said[0]}"]
     one = len({(fault.experiment, fault.recording) for fault in faults}) == 1
     return [
         "the recording is faulty" if one else "the recordings are faulty",
         *said,
-        "the report lists further faults" if len(faults) > MOST_FAULTS else "",
+        "the report lists further faults" if len(faults) > MOST_NAMED else "",
     ]
 
 

@@ -35,7 +35,8 @@ from deatwin.plant.parameters import Parameter
 
 MOST_RIVALS = 8
 SCREENED, SHORTEST, LONGEST = 3000, 1000, 15_000
-"""Samples of a screened input; smallest and largest number of samples of an advised one."""
+"""Samples of a screened or planned input, enough for a tenth of the slow error's time; smallest and largest number of
+samples of an advised one."""
 ROUND = 250
 """Number of samples to a multiple of which a length is rounded up."""
 FINALISTS, TRIED = 3, 2

@@ -1,20 +1,14 @@
 r"""Difference between two explanations: the part of the first that the second cannot imitate, and how visible it is.
 
-The truth is a plant with readings :math:`y_k`; an alternative is fitted to them as well as its parameters can, and leaves
-
-.. math:: \delta = y_k - y_l(\hat\theta_l), \qquad \hat\theta_l = \arg\min\nolimits_{\theta_l} \|y_k - y_l(\theta_l)\|^2
-
-Recordings add an error e to the readings. The alternative leaves :math:`\|\delta\|^2 + 2\,\delta^T e` more squared
-residual than the truth (up to a term of the size of :math:`\sigma^2`, because the parameters of both absorb different
-parts of e). The alternative is chosen if that is negative; for Gaussian e with covariance :math:`\Sigma` the
-probability is
+An alternative that is fitted to the readings of the truth leaves :math:`\delta`, and to recordings with a Gaussian error
+e of covariance :math:`\Sigma` it leaves :math:`\|\delta\|^2 + 2\,\delta^T e` more than the truth. It is chosen if that
+is negative, with the probability
 
 .. math:: P = \Phi(-d/2), \qquad d^2 = \frac{(\delta^T\delta)^2}{\delta^T\Sigma\,\delta}
 
-For white noise this is the usual :math:`\|\delta\|^2/\sigma^2`, which grows with every sample. The model error of rms m
-is not white; treated as white, it would let thousands of samples distinguish explanations by a far smaller difference.
-Half of its variance is assumed *static*, a smooth function of the reading that repeats do not average out. The other
-half is *slow*, with the correlation time of the blocks in which losses are counted:
+The model error of rms m is not white; treated as white, it would let thousands of samples distinguish explanations by a
+far smaller difference. Half of its variance is assumed *static*, a smooth function of the reading that repeats do not
+average out. The other half is *slow*, with the correlation time of the blocks in which losses are counted:
 
 .. math:: \Sigma_{ij} = \sigma^2\delta_{ij} + \frac{m^2}{2}\sum_b h_b(y_i)\,h_b(y_j)
           + \frac{m^2}{2}\,e^{-|i-j|/n_b}

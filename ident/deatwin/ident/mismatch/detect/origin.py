@@ -250,7 +250,7 @@ def _predictable(values: np.ndarray, terms: np.ndarray, noise: float) -> tuple[f
 
     def share(kept: np.ndarray) -> np.ndarray:
         total = np.mean(before[kept])
-        return np.asarray(np.mean(gained[kept], axis=0) / max(total - noise, 0.1 * total))
+        return np.asarray(np.mean(gained[kept], axis=0) / max(total - noise, PRACTICAL_SHARE * total))
 
     out = np.stack([share(np.arange(FOLDS) != k) for k in range(FOLDS)])
     deviation = np.sqrt((FOLDS - 1) * np.mean((out - out.mean(axis=0)) ** 2, axis=0))

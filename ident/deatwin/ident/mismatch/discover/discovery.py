@@ -35,8 +35,7 @@ from deatwin.plant.records import plain
 SHOWN = {"m": ("mm", 1e-3), "m/s": ("mm/s", 1e-3), "N": ("mN", 1e-3)}
 """Units on axes, with their SI size; others are shown as they are."""
 BINS, FEWEST = 40, 5
-"""Number of bins of the band over the state, samples that a bin needs, and half width of the band in standard
-deviations."""
+"""Number of bins of the band over the state, and samples that a bin needs."""
 NOT_PHYSICS = "fitted formula, without physical meaning"
 WORDS = {
     "power": "{x}",

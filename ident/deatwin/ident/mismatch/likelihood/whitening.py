@@ -135,6 +135,7 @@ def whitened(process: Process, ratio: float, clock: tuple[np.ndarray, np.ndarray
 def _recording(of: Filter, times: np.ndarray, rows: np.ndarray, first: int) -> Iterator[Block]:
     """Filter stretches of equal time steps: sample by sample until the gains have settled, then by a linear filter."""
     steps = np.diff(times, append=2.0 * times[-1] - times[-2] if times.size > 1 else times[-1] + 1.0)
+    # Times of day in double precision differ by 1e-9 of a step.
     changes = 1 + np.flatnonzero(np.abs(np.diff(steps)) > ACCURACY * steps[:-1])
     cov, state, at = of.start(), np.zeros((of.ratios.size, len(rows), len(of.process.times))), 0
     for end in (*changes, times.size):

@@ -158,6 +158,7 @@ def _pursuit(residual: Array, half: Half) -> list[int]:
 def _nested_fits(columns: Array, target: Array, count: int) -> list[Array]:
     """Return least-squares fits without the last `count` columns, then with one more column at a time."""
     first = columns.shape[1] - count
+    # A small diagonal keeps the fit regular if two parameters act alike.
     steady = np.vstack([columns, ACCURACY * np.eye(columns.shape[1])])
     q, r = np.linalg.qr(steady)
     seen = q[: target.size].T @ target

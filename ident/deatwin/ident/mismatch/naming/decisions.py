@@ -45,11 +45,7 @@ def decided_surely(search: Search, stage: Sequence[Names]) -> Naming:
 
 def of_two(search: Search) -> Naming:
     """Decide among pairs, even if a single effect is adequate."""
-    # Effects that could replace one of a pair are tried, too.
     search.with_one_more([names for names in search.tried if len(names) == 1])
-    best = search.best_that_counts(_possible_pairs(search))
-    if best is not None:
-        search.replacing(best, best)
     return _surely(search, lambda _: _over_pairs(search), _of_none)
 
 

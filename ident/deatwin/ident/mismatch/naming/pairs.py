@@ -161,7 +161,7 @@ def _with_all(search: Search, naming: Naming, first: Candidate, elsewhere: Seque
 def _each_takes(search: Search, names: Names, share: float) -> bool:
     """Return whether each effect of a set removes a share of the mismatch, in fitted and in held-out data."""
     full, base = search.tried[names], search.tried[()]
-    barely_counts = MOST * search.error_power(names)
+    barely_counts = MOST * search.error_power(names)  # an effect that removes more than all of it certainly counts
     return all(
         without.rms**2 - left.rms**2 >= max(barely_counts, share * (before.rms**2 - search.noise**2))
         for less in search.without_one(names)

@@ -1,26 +1,17 @@
 r"""Comparison of a pair of effects with one of them alone, whose law may be inexact, by the likelihood of all readings.
 
-No law of a mechanism is exact, and a second effect may merely correct the law of the first. So the single effect is
-allowed an error along the response of the second one, as large as errors of laws are. Let :math:`\delta` be the
-difference of the residuals of the single effect and of the pair. It is split into a part that another law of the single
-effect could cause and the rest. Let :math:`c` be the contribution of the single effect. Then
+The page docs/explanation/verdict.md states the reasons and the sizes of these errors. With the contribution c of the
+single effect, and the difference of the residuals of single effect and pair in two parts :math:`\delta_k`, one that
+another law of the single effect could cause and the rest,
 
 .. math:: y = f_1(\theta) + \sum_{k=1}^2 \lambda_k\,\ell_k\,\frac{\mathrm{rms}(c)}{\mathrm{rms}(\delta_k)}\,\delta_k
           + B \beta + g + e, \qquad \lambda_k \sim N(0, 1)
 
-Another law of a slow effect is slow, too. So in each octave of frequency, the second part is at most what c has there
-and above. Nor does an effect err before it acts. So at each time, the second part is at most what c has been by then.
+Of all pairs that were fitted, that one gives :math:`\delta` whose error helps the single effect most. That is cautious:
+with equal prior probabilities of all directions, it would have the mean of these likelihoods, not the largest.
 
-A difference larger than such errors is a second effect. Of all pairs that were fitted, that one gives :math:`\delta`
-whose error helps the single effect most, since each pair is compared with the same single effect: what a second effect
-explains worse than an error of the law along another one is no reason to name it. That is cautious: with equal prior
-probabilities of all directions, the single effect would have the mean of these likelihoods, not the largest. An exact
-law and an inexact one have equal prior probability.
-
-A short delay beside an effect is what the plant's own timing error is. A fit of the effect alone cannot follow such an
-error, and readings are not linear in the parameters over the distance. So the evidence of the effect alone is also
-evaluated at the fit with a delay, whose prior is then that of the timing error; the larger value counts. The column of
-the timing error stays as in all other sets: it belongs to the motion of the base plant, and a delay to that of its own.
+A delay that counts as the plant's own timing error has the prior of that error. The column of the timing error stays as
+in all other sets: it belongs to the motion of the base plant, and a delay to that of its own.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ import numpy as np
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
+from deatwin.ident.mismatch.advise.advise import SCREENED
 from deatwin.ident.mismatch.advise.distance import confusion
 from deatwin.ident.mismatch.advise.offer import SensorOffer
 from deatwin.ident.mismatch.advise.sensors import offer, offered
@@ -34,8 +35,6 @@ from deatwin.plant.readings import Reading
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 
-SAMPLES = 3000
-"""Default number of samples of a suggested input: long enough for a tenth of the slow error's time."""
 FEWEST, MOST = 100, 100_000
 """Smallest and largest number of samples of an advised input; all waveforms are held in memory."""
 LARGE = 1e20
@@ -117,7 +116,7 @@ def plan_experiment(
         wanted = _wanted(plant, known, commands.extras)
         seen = _seen(plant, commands, known, jobs, lambda done: tell(done / len(known), doing), wanted)
         return _plan(plant, seen, "", {}, known)
-    inputs = _inputs(plant, SAMPLES * plant.rig.sample_time if seconds is None else seconds, seed)
+    inputs = _inputs(plant, SCREENED * plant.rig.sample_time if seconds is None else seconds, seed)
     found: dict[str, _Seen] = {}
     for number, (name, record) in enumerate(inputs.items()):
         tell(number / len(inputs), f"trying {name}")

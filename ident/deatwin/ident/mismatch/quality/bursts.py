@@ -61,6 +61,7 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
             white = bends[run].mean()
             if power[run].mean() < TRIMMED * white / LOUDER:  # isolated peaks or ringing, not uniform noise
                 continue
+            # If most windows with a command at least as brisk are noisy, the command is the cause.
             with_it = float(noisy[every >= np.median(brisk[run])].mean())
             stretch = slice(STRIDE * run[0], STRIDE * run[-1] + BLOCK_SAMPLES)
             if with_it < MOST and _is_white(residual[stretch], white, others, level + HIDES * (white - level)):

@@ -13,6 +13,7 @@ from deatwin.ident.mismatch.thresholds import (
     DEVIATIONS,
     MOST_WINDOWS,
     MOVES,
+    PRACTICAL_SHARE,
     SETTLING_SECONDS,
     STRETCHES,
     WINDOW_SECONDS,
@@ -148,7 +149,7 @@ def repeatability(residual: np.ndarray, repeats: Repeats, noise: float) -> Repea
 
 def _share(cross: np.ndarray | float, square: np.ndarray | float, noise: float) -> np.ndarray:
     """Return covariance over variance beyond noise, of which at least a tenth of the noise's variance is assumed."""
-    return np.asarray(cross / np.maximum(np.asarray(square) - noise**2, 0.1 * noise**2))
+    return np.asarray(cross / np.maximum(np.asarray(square) - noise**2, PRACTICAL_SHARE * noise**2))
 
 
 def _less_means(values: np.ndarray, run: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import expit
 
 from deatwin.ident.mismatch.thresholds import ACCURACY, LOUDER, MOST, MOVES, NEARLY_ALL, ROUNDING, SETTLING_SECONDS
 from deatwin.ident.soundness import (
@@ -22,9 +23,8 @@ samples."""
 SIDE = 25
 """Number of samples on each side of a spike from which the local noise is estimated; 25 give its standard deviation to
 within 14 %."""
-ROUNDS, FURTHEST = 30, 1000.0
-"""Number of iterations in which the share of usual values converges, and limit for the squares of normalised
-deviations, beyond which a value certainly belongs to the louder noise."""
+ROUNDS = 30
+"""Number of iterations in which the share of usual values converges."""
 NEAR_STEPS = 3
 """Largest difference between readings in coarse steps that follow one another in slow motion, in such steps."""
 STEP_BENDS_LESS = 0.85
@@ -70,6 +70,7 @@ def stuck(record: Recording) -> np.ndarray:
             or _may_be_held(reading, command, record.sample_time, (first, last), near)
             or (_is_likely(ways, number) and _slips(reading, command, record.sample_time, (first, last)))
         )
+        # Over nearly all of the command's range neither a limit nor friction explains a constant reading.
         if moved > (NEARLY_ALL if sound else MOVES):
             mask[first:last] = True
     return mask
@@ -122,7 +123,7 @@ def _may_be_held(
     within[first:last] = False
     others = [reading[rows[settling:]] for rows in runs(within) if rows.size > settling]
     stands = [np.abs(values - np.median(values)) <= near for values in others]
-    return not stands or bool(np.concatenate(stands).mean() > NEARLY_ALL)
+    return not stands or bool(np.concatenate(stands).mean() > NEARLY_ALL)  # the plant may come to rest late
 
 
 def held(
@@ -189,6 +190,7 @@ def spikes(signal: np.ndarray) -> np.ndarray:
     around = np.pad(deviation, 1)
     peak = (deviation >= around[:-2]) & (deviation >= around[2:])
     typical = _typical(deviation, signal)
+    # A ringing film leaves more at the neighbours.
     found = peak & (deviation > SPIKE_DEVIATIONS * typical) & (_beside(bend) < MOST * deviation)
     others = np.flatnonzero(~found)
     return _isolated(found, _bends(np.interp(np.arange(signal.size), others, signal[others])), typical)
@@ -213,8 +215,7 @@ def _usual_share(squares: np.ndarray) -> float:
     # Share and larger deviation are maximum-likelihood estimates, by expectation-maximisation.
     share, larger = 0.5, max(float(squares.mean()), LOUDER**2)
     for _ in range(ROUNDS):
-        odds = (1 / share - 1) / np.sqrt(larger) * np.exp((1 - 1 / larger) * np.minimum(squares, FURTHEST) / 2)
-        usual = 1 / (1 + odds)
+        usual = expit(np.log(np.sqrt(larger) * share / (1 - share)) - (1 - 1 / larger) * squares / 2)
         share = float(np.clip(usual.mean(), ACCURACY, 1 - ACCURACY))
         larger = max(float((1 - usual) @ squares / (1 - usual).sum()), LOUDER**2)
     return share

@@ -97,6 +97,7 @@ def _constancy(
     free, whole = taken_off(change, basis), float(change @ change)
     power = float(free @ free)
     own = min(power / whole, 1.0) if whole > 0.0 else 0.0
+    # With a smaller share, a law error of a tenth of the effect would be magnified to the whole effect.
     if own < PRACTICAL_SHARE:
         return Constancy(effect=effect, own=own)
     half = float(free @ fit.residuals) / power
