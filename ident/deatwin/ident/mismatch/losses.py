@@ -14,9 +14,14 @@ from deatwin.ident.mismatch.thresholds import BLOCK_SAMPLES, CHANCE, TINY
 RESAMPLES = 2000
 
 
+def block_length(count: int) -> int:
+    """Return the number of samples in a block, so that there are at least eight blocks if samples suffice."""
+    return max(1, min(BLOCK_SAMPLES, count // 8))
+
+
 def block_losses(residuals: np.ndarray) -> np.ndarray:
-    """Return the mean squares, (b,), of a residual, (n,), in consecutive blocks, eight at least if samples suffice."""
-    size = max(1, min(BLOCK_SAMPLES, residuals.size // 8))
+    """Return the mean squares, (b,), of a residual, (n,), in consecutive blocks."""
+    size = block_length(residuals.size)
     count = residuals.size // size
     return (residuals[: count * size] ** 2).reshape(count, size).mean(axis=1)
 

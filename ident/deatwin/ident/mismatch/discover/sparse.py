@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
-from deatwin.ident.mismatch.losses import evidence
+from deatwin.ident.mismatch.losses import block_length, evidence
 from deatwin.ident.mismatch.thresholds import (
     ACCURACY,
-    BLOCK_SAMPLES,
     MOST_TERMS,
     NEARLY_ALL,
     PRACTICAL_SHARE,
@@ -129,7 +128,7 @@ def _evidence(products: Array, support: Sequence[int], count: int) -> float:
 
 def _blocks(unit: Array, target: Array) -> Array:
     """Sums of products of the columns and, last, the target over blocks of samples, shape (b, k + 1, k + 1)."""
-    length = max(1, min(BLOCK_SAMPLES, target.size // 8))
+    length = block_length(target.size)
     count = target.size // length
     parts = np.hstack([unit, target[:, None]])[: count * length].reshape(count, length, -1)
     return np.asarray(np.einsum("bij,bik->bjk", parts, parts))
