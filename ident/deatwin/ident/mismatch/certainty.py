@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from deatwin.ident.mismatch.conclude import MARGIN
-from deatwin.ident.mismatch.detect.law import LEVEL
-from deatwin.ident.mismatch.detect.origin import FOREIGN, UNPREDICTED
+from deatwin.ident.mismatch.detect.origin import FOREIGN
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.located import PlaceSummary
-from deatwin.ident.mismatch.quality.quality import FAULTY_SHARE, FEWEST_FAULTY
+from deatwin.ident.mismatch.quality.quality import FEWEST_FAULTY
 from deatwin.ident.mismatch.result import LEAST_TOLD
 from deatwin.ident.mismatch.say import at_body, called, headline, likely_places, number
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
+from deatwin.ident.mismatch.thresholds import CREDIBLE, NEGLIGIBLE, PRACTICAL_SHARE, SIGNIFICANCE
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.words import spaced
 
-HARDLY = 0.005
+HARDLY = LEAST_TOLD / 2
 """Probability that is shown as 0 %."""
 
 
@@ -78,11 +77,9 @@ def _named(diagnosis: Diagnosis) -> str:
     first = answer.probability
     likely = f"{called(answer.effects, diagnosis)} {_is(diagnosis)} {percent(first)} likely"
     untried = "causes that were not tried"
-    if 1.0 - MARGIN - first < HARDLY:
-        return f"{likely}, and the remaining {percent(MARGIN)} is kept for {untried}"
-    return (
-        f"{likely}, other explanations from the catalogue {_rest(1.0 - MARGIN, first)}, and {untried} {percent(MARGIN)}"
-    )
+    if CREDIBLE - first < HARDLY:
+        return f"{likely}, and the remaining {percent(1.0 - CREDIBLE)} is kept for {untried}"
+    return f"{likely}, other explanations from the catalogue {_rest(CREDIBLE, first)}, and {untried} {percent(1.0 - CREDIBLE)}"
 
 
 def _ambiguous(diagnosis: Diagnosis) -> str:
@@ -123,9 +120,13 @@ def _clean(diagnosis: Diagnosis) -> str:
     if found.practical is not None and found.excess < found.practical:
         least = _rms(found.practical, diagnosis)
         small = f"but errors below {least} do not count as a mismatch"
-        needed = small if found.p_value < LEVEL else f"and a mismatch would need at least {least} and p < {LEVEL:g}"
+        needed = (
+            small
+            if found.p_value < SIGNIFICANCE
+            else f"and a mismatch would need at least {least} and p < {SIGNIFICANCE:g}"
+        )
         return f"{_beyond(found.excess, diagnosis)}; all tests of the residual together give {chance}, {needed}"
-    return f"{_beyond(found.excess, diagnosis)}, but it may be due to chance ({chance}; an error of this size counts only if p < {LEVEL:g})"
+    return f"{_beyond(found.excess, diagnosis)}, but it may be due to chance ({chance}; an error of this size counts only if p < {SIGNIFICANCE:g})"
 
 
 def _unknown(diagnosis: Diagnosis) -> str:
@@ -156,7 +157,7 @@ def _disturbance(diagnosis: Diagnosis) -> str:
         # The limit is that of one regression's predictions; correlations within the fitted data may be larger.
         found, bound = (
             f"a regression on command and motion predicts {power} in data to which it was not fitted",
-            UNPREDICTED,
+            PRACTICAL_SHARE,
         )
     # White noise of changing level is a disturbance by its share alone.
     judged = "limit" if origin.high < bound else "share"
@@ -187,7 +188,7 @@ def _data_fault(diagnosis: Diagnosis) -> str:
     whole = sum(record.timepts.size for one in experiments for record in one.recordings)
     if not whole:
         return f"{bad} samples are faulty"
-    accepted = int(max(FEWEST_FAULTY, FAULTY_SHARE * whole))
+    accepted = int(max(FEWEST_FAULTY, NEGLIGIBLE * whole))
     return f"{bad} of {whole} samples ({number(100 * bad / whole)} %) are faulty, and at most {accepted} are accepted"
 
 

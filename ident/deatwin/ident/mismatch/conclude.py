@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-import numpy as np
-
 from deatwin.ident.greybox.parts import first_only
-from deatwin.ident.mismatch.advise.distance import DISTINGUISHED
 from deatwin.ident.mismatch.diagnosis import Diagnosis
+from deatwin.ident.mismatch.excess import beyond_noise
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.layout import Readings
 from deatwin.ident.mismatch.likelihood.beforehand import is_wrong
@@ -31,8 +29,9 @@ from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishableP
 from deatwin.ident.mismatch.say import number, say
 from deatwin.ident.mismatch.steps import variants_tried
 from deatwin.ident.mismatch.taught import errors_in, taught
+from deatwin.ident.mismatch.thresholds import CREDIBLE, DISTINGUISHED
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Explanation, Interval, Verdict
-from deatwin.ident.mismatch.verify.verify import shares_explained
+from deatwin.ident.mismatch.verify.verify import share_of, shares_explained
 from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.effects.base import Alone, Effect
@@ -40,11 +39,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import label
 from deatwin.plant.words import spaced
-
-MARGIN = 0.05
-"""Probability that a named cause is wrong although the evidence is certain. Of 48 causes named in a study of concealed
-physics (long recordings, seed 2006) two were wrong, where evidence alone predicted one in ten thousand. This gives 0.5
-to 14 % (95 %), so the value is a margin, not an estimate."""
 
 
 def conclude(findings: Findings) -> Diagnosis:
@@ -186,7 +180,7 @@ def _seconds(findings: Findings) -> float:
 def _left(findings: Findings) -> float:
     """Return the final plant's rms error on held-out data, SI."""
     if findings.discovery is not None:
-        return _beyond(findings.discovery.after, findings.base.noise)
+        return beyond_noise(findings.discovery.after**2, findings.base.noise)
     return findings.answer.unseen_test.size if findings.named else _base_error(findings)
 
 
@@ -194,11 +188,7 @@ def _base_error(findings: Findings) -> float:
     """Return the rms error of the reported base plant, SI: on held-out data unless it was fitted to them."""
     taken_up = findings.detection.taken_up
     unseen = findings.base.chosen.unseen_test.size
-    return unseen if taken_up is None else _beyond(taken_up.rms, findings.base.noise)
-
-
-def _beyond(rms: float, noise: float) -> float:
-    return float(np.sqrt(max(rms**2 - noise**2, 0.0)))
+    return unseen if taken_up is None else beyond_noise(taken_up.rms**2, findings.base.noise)
 
 
 def _indistinguishable(findings: Findings) -> tuple[IndistinguishablePair, ...]:
@@ -328,7 +318,7 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
                 place=places[0] if len(places) == 1 and (effect.places or effect.placed_at) else None,
                 places=places if len(places) > 1 else None,
                 family=effect.family.value,
-                probability=(1.0 - MARGIN) * min(1.0, weight),
+                probability=CREDIBLE * min(1.0, weight),
                 share_explained=shares[effect.name],
                 parameters=parameters,
             )
@@ -355,7 +345,7 @@ def _explanations(findings: Findings) -> tuple[Explanation, ...]:
         weights[causes] = weights.get(causes, 0.0) + weight
     offered = dict.fromkeys(map(causes_of, explanations))
     return tuple(
-        Explanation(effects=causes, probability=(1.0 - MARGIN) * min(1.0, weights[tuple(sorted(causes))]))
+        Explanation(effects=causes, probability=CREDIBLE * min(1.0, weights[tuple(sorted(causes))]))
         for causes in offered
     )
 
@@ -389,13 +379,12 @@ def _location(findings: Findings) -> LocationSummary | None:
     found = {place.place: place for place in located.place}
     place_of = {effect.name: effect.place.value for effect in findings.problem.everywhere}
     base = findings.base.chosen
-    missing = max(float(base.losses.mean()) - base.noise**2, 1e-300)
     best: dict[str, Candidate] = {}
     for candidate in (c for c in findings.naming.candidates if len(c.effects) == 1):
         place = place_of[candidate.effects[0]]
         best[place] = min(best.get(place, candidate), candidate, key=lambda c: float(c.losses.mean()))
     for place, candidate in best.items():
-        share = float(np.clip((base.losses.mean() - candidate.losses.mean()) / missing, 0.0, 1.0))
+        share = share_of(base, candidate, base, base.noise)
         (effect,) = candidate.effects
         found[place] = replace(found.get(place, PlaceSummary(place=place, score=share)), score=share, effect=effect)
     return replace(located, place=tuple(sorted(found.values(), key=lambda entry: -entry.score)))

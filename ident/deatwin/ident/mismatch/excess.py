@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.ident.mismatch.losses import block_losses, exceeds
+from deatwin.ident.mismatch.thresholds import PRACTICAL_SHARE, SIGNIFICANCE
+from deatwin.plant.arrays import root_mean_square
 
-SIGNIFICANCE = 0.01
-PRACTICAL_SHARE = 0.1
-"""Smallest excess that counts, as a share of the noise's power, which is not known more accurately."""
 BEYOND_DOUBT = 2.0
 """Multiple of the practical size above which an excess is a mismatch, however large its scatter."""
 
@@ -27,7 +26,7 @@ class Excess:
     @property
     def size(self) -> float:
         """Rms of the residual beyond the sensor noise, SI."""
-        return float(np.sqrt(max(self.rms**2 - self.noise**2, 0.0)))
+        return beyond_noise(self.rms**2, self.noise)
 
     @property
     def practical(self) -> float:
@@ -46,6 +45,11 @@ class Excess:
         return self.p_value < SIGNIFICANCE or self.size > BEYOND_DOUBT * self.practical
 
 
+def beyond_noise(mean_square: float, noise: float) -> float:
+    """Return the rms of a residual beyond the sensor noise, from its mean square; SI."""
+    return float(np.sqrt(max(mean_square - noise**2, 0.0)))
+
+
 def practical_size(noise: float, model_error: float) -> float:
     """Return the smallest rms excess that counts, from the rms of noise and of model error; all SI."""
     return max(model_error, float(np.sqrt(PRACTICAL_SHARE)) * noise)
@@ -56,7 +60,7 @@ def excess_of(residuals: np.ndarray, noise: float, model_error: float) -> Excess
     # With many samples any model error is significant against noise alone, so the practical size counts, too.
     floor = noise**2 + practical_size(noise, model_error) ** 2
     return Excess(
-        rms=float(np.sqrt(np.mean(residuals**2))),
+        rms=root_mean_square(residuals),
         noise=noise,
         model_error=model_error,
         p_value=exceeds(block_losses(residuals), floor),

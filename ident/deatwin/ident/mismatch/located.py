@@ -17,12 +17,9 @@ class Window:
 
     from_s: float = field(metadata=variable(unit="s"))
     to_s: float = field(metadata=variable(unit="s"))
-    score: float = field(
-        metadata=variable(about="share of the mismatch's energy")
-    )  # Share of the mismatch's energy in this stretch
-    slope: float = field(
-        default=0.0, metadata=variable(about="growth of the residual, SI per s")
-    )  # Growth rate of the residual there, SI per s; 0 if it is not significant
+    score: float = field(metadata=variable(about="share of the mismatch's energy"))
+    # 0 if it is not significant
+    slope: float = field(default=0.0, metadata=variable(about="growth of the residual, SI per s"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,9 +28,7 @@ class Band:
 
     from_Hz: float = field(metadata=variable(unit="Hz"))
     to_Hz: float = field(metadata=variable(unit="Hz"))
-    excess_dB: float = field(
-        metadata=variable(unit="dB", about="mean power over that of the sensor's noise")
-    )  # Mean power over that of the sensor's noise
+    excess_dB: float = field(metadata=variable(unit="dB", about="mean power over that of the sensor's noise"))
 
     @property
     def power(self) -> float:
@@ -46,11 +41,10 @@ class LineGroup:
     """A group of lines of the residual's spectrum."""
 
     kind: str  # excited, odd or even (not excited), or varying: the part that changes from period to period, all lines
-    rms: float = field(
-        metadata=variable(about="what the residual holds there, SI")
-    )  # Rms of the residual on these lines without its varying part; of the last group, of that part
+    # Rms of the residual on these lines without its varying part; of the last group, of that part
+    rms: float = field(metadata=variable(about="what the residual holds there, SI"))
     p_value: float  # Of the hypothesis of no residual there; of the last group, of no more than white sensor noise
-    lines: int = field(metadata=variable(about="how many"))  # Number of lines
+    lines: int = field(metadata=variable(about="how many"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,13 +74,11 @@ class PlaceSummary:
     score: float  # Share of the mismatch, 0 to 1
     effect: str | None = field(default=None, metadata=OPTIONAL)  # Name of that effect; None if none was tried
     signal: str | None = field(default=None, metadata=OPTIONAL)
-    log_likelihood_gain: float | None = field(
-        default=None, metadata=OPTIONAL
-    )  # Gain by a wandering quantity at this place
+    # Gain by a wandering quantity at this place
+    log_likelihood_gain: float | None = field(default=None, metadata=OPTIONAL)
     p_value: float | None = field(default=None, metadata=OPTIONAL)  # Of that gain
-    explained: float | None = field(
-        default=None, metadata=OPTIONAL
-    )  # Share of the mismatch that the signals there predict on data to which this was not fitted, 0 to 1
+    # Share of the mismatch that the signals there predict on data to which this was not fitted, 0 to 1
+    explained: float | None = field(default=None, metadata=OPTIONAL)
     among_best: bool | None = field(default=None, metadata=OPTIONAL)
 
 

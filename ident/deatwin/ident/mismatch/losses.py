@@ -9,13 +9,19 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import stdtr
 
-BLOCK_SAMPLES = 50
+from deatwin.ident.mismatch.thresholds import BLOCK_SAMPLES, CHANCE, TINY
+
 RESAMPLES = 2000
 
 
+def block_length(count: int) -> int:
+    """Return the number of samples in a block, so that there are at least eight blocks if samples suffice."""
+    return max(1, min(BLOCK_SAMPLES, count // 8))
+
+
 def block_losses(residuals: np.ndarray) -> np.ndarray:
-    """Return the mean squares, (b,), of a residual, (n,), in consecutive blocks, eight at least if samples suffice."""
-    size = max(1, min(BLOCK_SAMPLES, residuals.size // 8))
+    """Return the mean squares, (b,), of a residual, (n,), in consecutive blocks."""
+    size = block_length(residuals.size)
     count = residuals.size // size
     return (residuals[: count * size] ** 2).reshape(count, size).mean(axis=1)
 
@@ -31,7 +37,7 @@ def exceeds(losses: np.ndarray, floor: float) -> float:
     for lag in range(1, lags + 1):
         # Divided by b, not by the number of products: otherwise the variance may be negative.
         variance += 2 * (1 - lag / (lags + 1)) * (centred[lag:] @ centred[:-lag]) / losses.size
-    deviation = np.sqrt(max(variance, 1e-300) / losses.size)
+    deviation = np.sqrt(max(variance, TINY) / losses.size)
     return float(stdtr(1.5 * losses.size / (lags + 1), (floor - losses.mean()) / deviation))
 
 
@@ -50,4 +56,4 @@ def bootstrap_gain(before: np.ndarray, after: np.ndarray, rng: np.random.Generat
     starts = rng.integers(0, count, size=(RESAMPLES, -(-count // run)))
     picks = ((starts[:, :, None] + np.arange(run)) % count).reshape(RESAMPLES, -1)[:, :count]
     gains = np.sqrt(before[picks].mean(axis=1)) - np.sqrt(after[picks].mean(axis=1))
-    return float(np.quantile(gains, 0.05))
+    return float(np.quantile(gains, CHANCE))

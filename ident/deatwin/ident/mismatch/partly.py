@@ -8,30 +8,21 @@ from operator import attrgetter
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.mismatch.excess import excess_of
+from deatwin.ident.mismatch.excess import beyond_noise, excess_of
 from deatwin.ident.mismatch.intervals import perhaps_absent, with_own_errors
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.located import Unexplained
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.clocks import of_one_clock
-from deatwin.ident.mismatch.naming.criteria import (
-    NEARLY_ALL,
-    acts,
-    explained,
-    held_back_by,
-    share_explained,
-    takes_most,
-)
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide
+from deatwin.ident.mismatch.naming.criteria import acts, explained, held_back_by, share_explained, takes_most
+from deatwin.ident.mismatch.naming.decide import Naming, decide
 from deatwin.ident.mismatch.naming.evidence_ratio import advantage, advantage_of_shape
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.tried import each_without_one
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.thresholds import NEARLY_ALL, STRONG
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.mismatch.verify.verify import verify
-
-EVERYWHERE = 0.9
-"""Share of the recorded time beyond which a stretch with most of the remainder is not reported as its location."""
 
 
 def acting(naming: Naming, problem: DiagnosisProblem, rng: np.random.Generator) -> tuple[Naming, Verification] | None:
@@ -106,8 +97,8 @@ def _leads(candidate: Candidate, base: Candidate, known: dict[tuple[str, ...], C
 def unexplained(answer: Candidate, base: Candidate, left: Location, seconds: float) -> Unexplained:
     """Return the remainder of a mismatch in the reported unit, and where most of it is; `seconds` is the total time."""
     found, size = left.summary, left.unit[1]
-    before, after = (_beyond(float(c.losses.mean()), answer.noise) for c in (base, answer))
-    windows = [w for w in found.time if w.to_s - w.from_s < EVERYWHERE * seconds]
+    before, after = (beyond_noise(float(c.losses.mean()), answer.noise) for c in (base, answer))
+    windows = [w for w in found.time if w.to_s - w.from_s < NEARLY_ALL * seconds]
     return Unexplained(
         rms=after / size,
         mismatch=before / size,
@@ -119,7 +110,3 @@ def unexplained(answer: Candidate, base: Candidate, left: Location, seconds: flo
         region=next(iter(found.region), None),
         place=next((p.place for p in sorted(found.place, key=lambda p: -p.score) if p.score > 0.0), None),
     )
-
-
-def _beyond(mean_square: float, noise: float) -> float:
-    return float(np.sqrt(max(mean_square - noise**2, 0.0)))

@@ -174,16 +174,12 @@ class Ablation:
     """Result of removing one effect and refitting the rest."""
 
     effect: str
-    fitted: float = field(
-        metadata=variable(unit=attrgetter("output_unit"), about="rms residual without the effect")
-    )  # Rms residual without the effect, like `unseen`
+    fitted: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual without the effect"))
     unseen: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual without the effect"))
     gain_low: float = field(
         metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of what the effect takes away")
-    )  # Lower 95 % bound of how much the effect lowers the rms on the held-out part
-    share: float = field(
-        metadata=variable(about="share of the mismatch's energy that returns")
-    )  # Share of the mismatch's energy that returns without the effect, from 0 to 1
+    )
+    share: float = field(metadata=variable(about="share of the mismatch's energy that returns"))  # from 0 to 1
     # True if the error certainly grows over all data, and on held-out data by more than the model error
     counts: bool = False
 

@@ -20,6 +20,7 @@ from deatwin.ident.mismatch.located import Band, LocationSummary, Region, Unexpl
 from deatwin.ident.mismatch.naming.places import timing_error
 from deatwin.ident.mismatch.result import Fault
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
+from deatwin.ident.mismatch.thresholds import MOST, NEGLIGIBLE, ROUNDING
 from deatwin.ident.mismatch.verdict import Cause, Explanation, FittedParameter, Interval, Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.effects.base import Effect
@@ -29,21 +30,12 @@ from deatwin.plant.prefixes import prefixed, resolving, time_span
 from deatwin.plant.recording import label
 from deatwin.plant.words import as_sentence, listed, spaced
 
-SMALL_SHARE = 0.5
-"""Share of the mismatch below which a cause is said to explain only a part of it."""
-MOST_FAULTS = 3
-LEAST_RISK = 1e-3
-"""Smallest probability of a wrong explanation that is stated; instead of a smaller one this bound is stated."""
-HALF = 0.5
-"""Share of the remaining mismatch above which most of it is said to be in one stretch of time."""
-ROUNDING = 1e-9
-"""Share of the larger end of a range below which the smaller end is a rounding error."""
 COUNTED = {2: "two effects", 3: "three effects"}
 MOST_CHANGED = 2
 """Largest number of changed parameters that are named."""
 MOST_NAMED = 3
-"""Number of possible explanations that are named if at least two others are only counted; a report lists all of them in a
-table."""
+"""Number of faults, and of possible explanations, that are named; a single further explanation is named, too. A report
+lists all of them in a table."""
 _LEVEL = "95 % interval: "
 
 
@@ -54,7 +46,7 @@ def number(value: float, digits: int = 3) -> str:
 
 def risk(share: float) -> str:
     """Write a predicted risk in per cent, without the sign, to two digits, or as a bound below a thousandth."""
-    return number(100 * share, 2) if share >= LEAST_RISK else f"below {100 * LEAST_RISK:g}"
+    return number(100 * share, 2) if share >= NEGLIGIBLE else f"below {100 * NEGLIGIBLE:g}"
 
 
 @checks_its_arguments
@@ -232,7 +224,7 @@ def _partly(diagnosis: Diagnosis) -> list[str]:
 def _mostly(left: Unexplained, diagnosis: Diagnosis) -> str:
     """Return where most of the remaining mismatch lies, if one range holds more than half of it."""
     window, band, region = left.time, left.frequency, left.region
-    if window is not None and window.score > HALF:
+    if window is not None and window.score > MOST:
         return f", mostly {_between(window)}"
     if band is not None:
         return f", mostly {_at(band)}"
@@ -318,7 +310,7 @@ def likely_places(diagnosis: Diagnosis) -> str:
     """Return the places whose signals predict most of the mismatch, as ``at the film or the ball``; empty if none do."""
     best: dict[str, list[str]] = {}
     for place in diagnosis.location.place if diagnosis.location else ():
-        if place.among_best and (place.explained or 0.0) > HALF:
+        if place.among_best and (place.explained or 0.0) > MOST:
             signals = best.setdefault(at_body(spaced(place.place), diagnosis), [])
             signals += [spaced(place.signal)] if place.signal else []
     places = [f"{place} ({', '.join(signals)})" if signals else place for place, signals in best.items()]
@@ -327,7 +319,7 @@ def likely_places(diagnosis: Diagnosis) -> str:
 
 def _how_fast(found: LocationSummary) -> str:
     """Return the range of frequencies that holds most of the mismatch's power; empty if none does."""
-    band = next((b for b in found.frequency if b.power > HALF * sum(one.power for one in found.frequency)), None)
+    band = next((b for b in found.frequency if b.power > MOST * sum(one.power for one in found.frequency)), None)
     return "" if band is None else f"most of the power of the mismatch lies at frequencies {_at(band)}"
 
 
@@ -336,7 +328,7 @@ def _when(found: LocationSummary, diagnosis: Diagnosis) -> str:
     longest = max(found.time, key=lambda window: window.score, default=None)
     if longest is None:
         return ""
-    if longest.score <= HALF:
+    if longest.score <= MOST:
         return "the mismatch is spread over the recordings"
     share = f"{100 * longest.score:.0f} % lies {_between(longest)}{_recorded(longest, diagnosis)}"
     return f"of the mismatch between model and recordings, {share}"
@@ -377,14 +369,14 @@ def _disturbance(diagnosis: Diagnosis) -> list[str]:
 def _data_fault(diagnosis: Diagnosis) -> list[str]:
     faults = diagnosis.faults
     many = any(fault.experiment > 1 for fault in faults)
-    said = [_fault(fault, many) for fault in faults[:MOST_FAULTS]]
+    said = [_fault(fault, many) for fault in faults[:MOST_NAMED]]
     if len(said) == 1:
         return [f"the recording is faulty: {said[0]}"]
     one = len({(fault.experiment, fault.recording) for fault in faults}) == 1
     return [
         "the recording is faulty" if one else "the recordings are faulty",
         *said,
-        "the report lists further faults" if len(faults) > MOST_FAULTS else "",
+        "the report lists further faults" if len(faults) > MOST_NAMED else "",
     ]
 
 
@@ -500,7 +492,7 @@ def _rounded(value: float) -> str:
 
 
 def _share(cause: Cause) -> str:
-    only = "only " if cause.share_explained < SMALL_SHARE else ""
+    only = "only " if cause.share_explained < MOST else ""
     return f"{only}{100 * cause.share_explained:.0f} %"
 
 

@@ -27,6 +27,7 @@ from deatwin.ident.mismatch.result import (
 )
 from deatwin.ident.mismatch.verdict import FittedParameter
 from deatwin.plant.amplitudes import amplitude_unit
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.records import Json, finite, plain
 
@@ -167,7 +168,7 @@ def _fit(problem: DiagnosisProblem, fit: Calibration, unseen: np.ndarray | None)
         effects=tuple(name for name in fit.plant.effect_names if name not in problem.nominal.effect_names),
         form=_form(problem, fit),
         fitted=fit.rms / size,
-        unseen=None if unseen is None else float(np.sqrt(np.mean(unseen**2))) / size,
+        unseen=None if unseen is None else root_mean_square(unseen) / size,
         parameters=parameters,
     )
 

@@ -12,10 +12,9 @@ from deatwin.ident.mismatch.naming.decide import normalised
 from deatwin.ident.mismatch.naming.evidence_ratio import advantage, likeliest
 from deatwin.ident.mismatch.naming.refit_all_data import fitted_to_all
 from deatwin.ident.mismatch.result import Errors, ReadingSummary
+from deatwin.ident.mismatch.thresholds import SEVERAL, TINY
 from deatwin.ident.parallel import run_jobs
-
-COMPARED = 4
-"""Largest number of explanations that are compared: the best ones with as many effects as the best of all."""
+from deatwin.plant.arrays import root_mean_square
 
 
 def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
@@ -56,7 +55,7 @@ def errors_in(findings: Findings, name: str = "", *, held_out: bool) -> Errors:
         residuals = candidate.unseen if held_out else candidate.calibration.residuals
         pieces = zip(parts, np.split(residuals, edges), strict=True)
         own = np.concatenate([piece / part.weight for part, piece in pieces if part.reading == name])
-        return float(np.sqrt(np.mean(own**2)))
+        return root_mean_square(own)
 
     return Errors(before=rms(findings.base.chosen), after=rms(findings.answer) if findings.named else None)
 
@@ -67,7 +66,7 @@ def _compared(findings: Findings) -> list[Candidate]:
     if not findings.named or naming.best is None:
         return []
     alike = [c for c in naming.candidates if len(c.effects) == len(naming.best.effects)]
-    return sorted(alike, key=lambda c: -c.evidence)[:COMPARED]
+    return sorted(alike, key=lambda c: -c.evidence)[:SEVERAL]
 
 
 def _posteriors(
@@ -81,7 +80,7 @@ def _posteriors(
         return None, None
     first, told = likeliest(fitted), findings.naming.probabilities
     without = normalised({c.effects: float(np.exp(advantage(c, first))) for c in fitted})
-    whole = normalised({c.effects: max(told.get(c.effects, 0.0), 1e-300) for c in fitted})
+    whole = normalised({c.effects: max(told.get(c.effects, 0.0), TINY) for c in fitted})
     return _named(whole), _named(without)
 
 

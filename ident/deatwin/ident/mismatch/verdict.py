@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+from deatwin.ident.mismatch.thresholds import NEGLIGIBLE
 from deatwin.plant.prefixes import prefixed
 from deatwin.plant.records import OPTIONAL
-
-NOTHING = 1e-3
-"""Share of its interval below which a value is written as 0."""
 
 
 class Verdict(Enum):
@@ -96,7 +94,7 @@ class Interval:
         """
         largest = max(self.high, -self.low)
         about_zero = self.low <= 0.0 <= self.high
-        value = 0.0 if about_zero and abs(self.value) < NOTHING * (self.high - self.low) else self.value
+        value = 0.0 if about_zero and abs(self.value) < NEGLIGIBLE * (self.high - self.low) else self.value
         size, unit = prefixed(largest if about_zero and 10.0 * abs(value) < largest else value, self.unit)
         return Shown(value=value / size, low=self.low / size, high=self.high / size, unit=unit)
 

@@ -6,7 +6,7 @@ import re
 from math import floor, log10
 
 from deatwin.ident.mismatch.certainty import percent
-from deatwin.ident.mismatch.conclude import MARGIN
+from deatwin.ident.mismatch.thresholds import CREDIBLE
 from deatwin.ident.mismatch.verdict import Interval
 from deatwin.plant.prefixes import LEAST_DIGITS, prefixed, resolving
 
@@ -51,7 +51,7 @@ def likely(probability: float) -> str:
     ('39 %', '95 % (maximum)', '95 % (maximum)')
     """
     shown = percent(probability)
-    return f"{shown} (maximum)" if shown == percent(1.0 - MARGIN) else shown
+    return f"{shown} (maximum)" if shown == percent(CREDIBLE) else shown
 
 
 def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str, str]:

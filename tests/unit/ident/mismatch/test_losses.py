@@ -5,7 +5,8 @@ import pytest
 from scipy.signal import lfilter
 from scipy.special import stdtr
 
-from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, block_losses, bootstrap_gain, evidence, exceeds
+from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain, evidence, exceeds
+from deatwin.ident.mismatch.thresholds import BLOCK_SAMPLES
 
 
 def coloured(rng: np.random.Generator, n: int) -> np.ndarray:

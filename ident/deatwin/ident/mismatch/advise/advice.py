@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from deatwin.ident.mismatch.advise.distance import DISTINGUISHED
 from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.ident.mismatch.result import AdviceSummary
+from deatwin.ident.mismatch.thresholds import DISTINGUISHED, NEGLIGIBLE
 from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.datasets import (
     Described,
@@ -262,4 +262,4 @@ class Advice(Described):
 
 def _percent(share: float) -> str:
     """Write a probability in per cent; below a thousandth, only the bound is given."""
-    return f"{100 * share:.2g} %" if share >= 1e-3 else "below 0.1 %"
+    return f"{100 * share:.2g} %" if share >= NEGLIGIBLE else "below 0.1 %"

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.mismatch.advise.advice import Advice
-from deatwin.ident.mismatch.advise.distance import DISTINGUISHED, confusion, difference
+from deatwin.ident.mismatch.advise.distance import confusion, difference
 from deatwin.ident.mismatch.advise.offer import in_words
 from deatwin.ident.mismatch.advise.question import Question
 from deatwin.ident.mismatch.advise.sensors import Prices, prices
@@ -29,12 +29,14 @@ from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE
 from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
+from deatwin.ident.mismatch.thresholds import DISTINGUISHED, TINY
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.parameters import Parameter
 
 MOST_RIVALS = 8
 SCREENED, SHORTEST, LONGEST = 3000, 1000, 15_000
-"""Samples of a screened input; smallest and largest number of samples of an advised one."""
+"""Samples of a screened or planned input, enough for a tenth of the slow error's time; smallest and largest number of
+samples of an advised one."""
 ROUND = 250
 """Number of samples to a multiple of which a length is rounded up."""
 FINALISTS, TRIED = 3, 2
@@ -45,12 +47,8 @@ AMPLE = 10 * WANTED * SCREENED / SHORTEST
 """d² of a screened waveform that promises ten times the wanted value at the shortest length. The first such waveform is
 preferred to later ones that promise more, because the repertoire is ordered from gentle to extreme waveforms, and the
 plant's equations are least accurate at extremes."""
-UNKNOWN = 0.5
-"""Confusion of two explanations by mere chance."""
 WORTHWHILE = 0.75
 """Largest share of the confusion that an advised input may leave; with three explanations it then excludes one."""
-TINY = 1e-3
-"""Smallest d² from which a length is predicted; explanations below it predict the same."""
 ATTEMPTS = 2
 HEAVIER = 2.0
 """Ratio of the load with the added mass to the load without it."""
@@ -162,7 +160,7 @@ class _Input:
         try:
             drawn = [question.refitted(self.commands, draw) for draw in draws]
         except SimulationError:
-            return UNKNOWN
+            return confusion(0.0)
         return float(np.mean([_confused(nearest) for nearest in (self.nearest, *drawn)]))
 
 
@@ -250,7 +248,7 @@ def _long_enough(load: _Load, name: str, needed: float) -> _Input | None:
             return found
         if count == LONGEST:
             return None
-        needed = 1.5 * count * max(1.0, DISTINGUISHED / max(least, 1e-6))
+        needed = 1.5 * count * max(1.0, DISTINGUISHED / max(least, TINY))
     return None
 
 

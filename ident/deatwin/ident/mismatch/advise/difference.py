@@ -1,20 +1,14 @@
 r"""Difference between two explanations: the part of the first that the second cannot imitate, and how visible it is.
 
-The truth is a plant with readings :math:`y_k`; an alternative is fitted to them as well as its parameters can, and leaves
-
-.. math:: \delta = y_k - y_l(\hat\theta_l), \qquad \hat\theta_l = \arg\min\nolimits_{\theta_l} \|y_k - y_l(\theta_l)\|^2
-
-Recordings add an error e to the readings. The alternative leaves :math:`\|\delta\|^2 + 2\,\delta^T e` more squared
-residual than the truth (up to a term of the size of :math:`\sigma^2`, because the parameters of both absorb different
-parts of e). The alternative is chosen if that is negative; for Gaussian e with covariance :math:`\Sigma` the
-probability is
+An alternative that is fitted to the readings of the truth leaves :math:`\delta`, and to recordings with a Gaussian error
+e of covariance :math:`\Sigma` it leaves :math:`\|\delta\|^2 + 2\,\delta^T e` more than the truth. It is chosen if that
+is negative, with the probability
 
 .. math:: P = \Phi(-d/2), \qquad d^2 = \frac{(\delta^T\delta)^2}{\delta^T\Sigma\,\delta}
 
-For white noise this is the usual :math:`\|\delta\|^2/\sigma^2`, which grows with every sample. The model error of rms m
-is not white; treated as white, it would let thousands of samples distinguish explanations by a far smaller difference.
-Half of its variance is assumed *static*, a smooth function of the reading that repeats do not average out. The other
-half is *slow*, with the correlation time of the blocks in which losses are counted:
+The model error of rms m is not white; treated as white, it would let thousands of samples distinguish explanations by a
+far smaller difference. Half of its variance is assumed *static*, a smooth function of the reading that repeats do not
+average out. The other half is *slow*, with the correlation time of the blocks in which losses are counted:
 
 .. math:: \Sigma_{ij} = \sigma^2\delta_{ij} + \frac{m^2}{2}\sum_b h_b(y_i)\,h_b(y_j)
           + \frac{m^2}{2}\,e^{-|i-j|/n_b}
@@ -33,7 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.ident.greybox.parts import Part, level_of
-from deatwin.ident.mismatch.losses import BLOCK_SAMPLES
+from deatwin.ident.mismatch.thresholds import BLOCK_SAMPLES
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.model import Plant
 
 LEVELS = 8
@@ -41,46 +36,22 @@ LEVELS = 8
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Difference:
-    """Part of the true explanation's readings that an alternative cannot imitate.
+    """Part of the true explanation's readings that an alternative cannot imitate."""
 
-    Parameters
-    ----------
-    readings : ndarray, shape (n,)
-        Readings of the true explanation, experiment after experiment, SI.
-    left : ndarray, shape (n,)
-        Truth minus alternative after the alternative's refit, over the noise's level, SI.
-    model_error : ndarray, shape (n,)
-        Rms of the plant's own error at each sample, over the noise's level, SI.
-    sizes : tuple of int
-        Samples of each experiment.
-    names : tuple of str
-        Name of the reading in each experiment; the same in all if empty. Errors of different readings are independent.
-    """
-
-    readings: np.ndarray
-    left: np.ndarray
-    model_error: np.ndarray
-    sizes: tuple[int, ...]
+    readings: np.ndarray  # (n,), of the true explanation, experiment after experiment, SI
+    left: np.ndarray  # (n,), truth minus alternative after the alternative's refit, over the noise's level, SI
+    model_error: np.ndarray  # (n,), rms of the plant's own error, over the noise's level, SI
+    sizes: tuple[int, ...]  # numbers of samples of the experiments
+    # Name of the reading in each experiment, whose errors are independent; the same in all if empty
     names: tuple[str, ...] = ()
 
     @classmethod
     def between(
         cls, truth: Plant, alternative: Plant, readings: np.ndarray, left: np.ndarray, parts: Sequence[Part]
     ) -> Difference:
-        """Return the difference of two explanations; of the two rigs' model errors, the larger one is used.
+        """Return the difference of two explanations with the larger of the two rigs' model errors.
 
-        Parameters
-        ----------
-        truth, alternative : Plant
-            Both explanations.
-        readings, left : ndarray, shape (n,)
-            Readings of the true explanation, and the difference from the alternative, SI.
-        parts : sequence of Part
-            Samples to which they belong.
-
-        Returns
-        -------
-        Difference
+        Shapes: `readings` of the truth and difference `left` (n,), SI.
         """
         # An experiment is one piece, however it is cut into records: an error does not end where a sample is missing.
         names, sizes = zip(*((part.reading, part.size) for part in parts if part.size), strict=True)
@@ -94,21 +65,10 @@ class Difference:
     @property
     def rms(self) -> float:
         """Root mean square of the difference, SI."""
-        return float(np.sqrt(np.mean(self.left**2)))
+        return root_mean_square(self.left)
 
     def squared_distance(self, noise: float) -> float:
-        """Return d² of the difference, given noise and model error.
-
-        Parameters
-        ----------
-        noise : float
-            Standard deviation of the sensor's noise, SI.
-
-        Returns
-        -------
-        float
-            Infinite for a difference without any error.
-        """
+        """Return d² of the difference for this `noise`, SI; infinite if there is no error at all."""
         squares = float(self.left @ self.left)
         weighted = self.left * self.model_error
         slow = sum(_slow(piece) for piece in np.split(weighted, np.cumsum(self.sizes)[:-1]))
@@ -121,17 +81,7 @@ class Difference:
         return squares**2 / spread if spread > 0 else float(np.inf)
 
     def beside(self, other: Difference) -> Difference:
-        """Join this difference and that on other records.
-
-        Parameters
-        ----------
-        other : Difference
-            Difference of the same two explanations.
-
-        Returns
-        -------
-        Difference
-        """
+        """Join this difference and that of the same two explanations on other records."""
         arrays = {
             name: np.concatenate([getattr(self, name), getattr(other, name)])
             for name in ("readings", "left", "model_error")

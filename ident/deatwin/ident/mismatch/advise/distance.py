@@ -20,8 +20,6 @@ from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 
-DISTINGUISHED = 16.0
-"""Smallest d² of distinguished explanations: the wrong one is chosen in 2.3 % of all recordings."""
 STEPS = 4
 """Largest number of refit steps with simulations."""
 SETTLED = 0.02

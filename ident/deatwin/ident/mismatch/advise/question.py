@@ -17,14 +17,13 @@ from deatwin.ident.mismatch.advise.distance import Memory, directions, distance_
 from deatwin.ident.mismatch.advise.waveforms import Limits, bears, limits_of, safe_limits, used_range, waveform
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.thresholds import MOST
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
 DRAWS = 2
 """Number of plants that are drawn from each posterior, besides the fitted one."""
-LINEAR = 0.5
-"""Largest error of the first-order change of the readings, relative to this change, for a plant that is drawn."""
 HALVED = 8
 """Largest number of times a draw is halved until its first-order change of the readings is accurate enough."""
 STEPS = 2
@@ -286,7 +285,7 @@ def _in_first_order(problem: DiagnosisProblem, fit: Calibration, shift: np.ndarr
         if left is None:
             continue
         error, size = (float(np.linalg.norm(one)) for one in (fit.residuals - left - change, change))
-        if error <= max(LINEAR * size, noise):  # an error of this length is within the noise
+        if error <= max(MOST * size, noise):  # an error of this length is within the noise
             return np.asarray(halved * shift)
     return None
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from deatwin.ident.greybox.parts import Part, first_only
 from deatwin.ident.greybox.problem import Problem
-from deatwin.ident.mismatch.advise.distance import DISTINGUISHED
 from deatwin.ident.mismatch.advise.offer import THERMOMETER, PricedReading, SensorOffer
 from deatwin.ident.mismatch.advise.question import Question
 from deatwin.ident.mismatch.likelihood.beforehand import OwnError, coordinate
@@ -23,6 +22,7 @@ from deatwin.ident.mismatch.likelihood.model import Prior
 from deatwin.ident.mismatch.likelihood.scales import evidence
 from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors, products_of, taken_up
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
+from deatwin.ident.mismatch.thresholds import DISTINGUISHED, TINY
 from deatwin.plant.errors import RigError
 from deatwin.plant.model import Plant
 from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
@@ -36,8 +36,6 @@ TYPICAL = "typical: a thousandth of the largest value"
 PLATINUM = "typical: platinum thermometer of class AA, IEC 60751"
 KELVIN = 0.1
 """Noise of a platinum thermometer of class AA, K."""
-SOME = 1.0
-"""Placeholder for a noise that is not known yet."""
 
 Signal = tuple[np.ndarray, np.ndarray]
 """Readings (n,) of a fitted plant, and their derivative (n, p) by its fitted coordinates; SI."""
@@ -51,7 +49,8 @@ def offered(plants: Sequence[Plant], recorded: Collection[str]) -> tuple[Reading
     units = {**ELECTRICAL_UNITS, **rig.offers}
     if "temperature" not in recorded and any("temperature" in plant.channels for plant in plants):
         units |= {THERMOMETER: "K"}
-    more = [Reading(name=name, unit=unit, noise=SOME) for name, unit in units.items() if name not in known]
+    # The noise is not known yet; 1 is a placeholder.
+    more = [Reading(name=name, unit=unit, noise=1.0) for name, unit in units.items() if name not in known]
     return tuple(one for one in (*stated, *more) if all(has(plant, one) for plant in plants))
 
 
@@ -68,7 +67,7 @@ def offer(reading: Reading, stated: Collection[Reading], largest: float) -> Sens
     noise, source = reading.noise, NOT_RECORDED
     if reading not in stated:
         noise, source = (KELVIN, PLATINUM) if reading.name == THERMOMETER else (SHARE * largest, TYPICAL)
-    return SensorOffer(reading=reading.name, unit=reading.unit, noise=max(noise, 1e-300), noise_source=source)
+    return SensorOffer(reading=reading.name, unit=reading.unit, noise=max(noise, TINY), noise_source=source)
 
 
 def unread(parts: Sequence[Part], readings: Sequence[Reading]) -> tuple[Part, ...]:

@@ -17,7 +17,7 @@ from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.origin import OriginEvidence, origin_of
 from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
-from deatwin.ident.mismatch.excess import excess_of, practical_size
+from deatwin.ident.mismatch.excess import beyond_noise, excess_of, practical_size
 from deatwin.ident.mismatch.likelihood.beforehand import LATEST
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.quality.noise import noise_level
@@ -25,6 +25,8 @@ from deatwin.ident.mismatch.quality.repeats import find_repeats, repeatability
 from deatwin.ident.mismatch.refit.search import finish, refit, roughly
 from deatwin.ident.mismatch.result import Statistic
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
+from deatwin.ident.mismatch.thresholds import ACCURACY
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.effects.delay import Delay
 
 if TYPE_CHECKING:
@@ -35,10 +37,8 @@ if TYPE_CHECKING:
 
 DRAWS = 400
 CERTAIN = 1.25
-"""Multiple of the practical size above which an excess counts if its p-value is below `LIKELY`. Of 81 clean rigs drawn
+"""Multiple of the practical size above which an excess counts if its p-value is below a half. Of 81 clean rigs drawn
 for this limit 80 reached at most 0.92; one reached 1.3 through the scatter of its noise, for which `SCATTER` allows."""
-LIKELY = 0.5
-"""Largest p-value of such an excess, instead of 0.01 for smaller ones."""
 BEYOND_CHANCE = 3.0
 """Multiple of the practical size above which an excess counts whatever its p-value. The largest of about 90 clean rigs
 was 1.8."""
@@ -83,7 +83,7 @@ def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -
     commands = [first.commands[r] for r in first.records]
     repeats = find_repeats(commands, left.sample_time)
     p_value, size = law.p_value(float(groups.max())), _size(left)
-    least = practical * (CERTAIN if p_value < LIKELY else BEYOND_CHANCE)
+    least = practical * (CERTAIN if p_value < 0.5 else BEYOND_CHANCE)
     certain = _is_certain(left, law.refit.white, least)
     return Detection(
         p_value=p_value,
@@ -98,7 +98,7 @@ def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -
         evidence=origin_of(first, repeats, practical)
         if counts(p_value, size, practical, certain)
         else OriginEvidence.none(size),
-        moved=float(np.sqrt(np.mean(left.moved**2))),
+        moved=root_mean_square(left.moved),
         seen=partial(_seen, law, left, practical),
         output_unit=left.output_unit,
         curves=_curves(law, left, scores),
@@ -124,7 +124,7 @@ def _answering_late(base: Candidate, problem: DiagnosisProblem, size: float) -> 
     if Delay.name in fit.plant.effect_names or Delay.name not in {effect.name for effect in problem.effects}:
         return None
     steps = np.concatenate([np.diff(readings) for readings in _simulated(base, problem)])
-    moved = LATEST * float(np.sqrt(np.mean(steps**2)))
+    moved = LATEST * root_mean_square(steps)
     if size > np.hypot(moved, practical_size(base.noise, fit.plant.rig.model_error)):
         return None
     longest = LATEST * problem.nominal.rig.sample_time
@@ -149,7 +149,7 @@ def _leaves_nothing(whole: Calibration, base: Candidate, problem: DiagnosisProbl
 def _size(left: Leftover) -> float:
     """Return the larger of the rms residuals beyond noise in fitted and in held-out data."""
     powers = [np.mean(left.residual[p] ** 2) for p in (left.fitted, ~left.fitted) if p.any()]
-    return float(np.sqrt(max(max(powers) - left.noise**2, 0.0)))
+    return beyond_noise(max(powers), left.noise)
 
 
 def _is_certain(left: Leftover, white: np.ndarray, least: float) -> bool:
@@ -198,7 +198,7 @@ def _seen(
         whole = np.zeros(left.residual.size)
         whole[left.fitted] = response.change
         rest = law.refit(whole[None])[0][left.fitted]
-        if np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(whole):
+        if np.linalg.norm(rest) <= ACCURACY * np.linalg.norm(whole):
             continue
         strength = power.smallest(rest, practical)
         if strength is None:

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.mismatch.detect.law import LEVEL
 from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence
 from deatwin.ident.mismatch.quality.noise import NoiseFloor
 from deatwin.ident.mismatch.quality.repeats import Repeatability
 from deatwin.ident.mismatch.result import DetectionSummary, RepeatabilitySummary, Statistic
+from deatwin.ident.mismatch.thresholds import SIGNIFICANCE
 from deatwin.plant.amplitudes import amount, amplitude_unit, written_amplitude
 from deatwin.plant.datasets import (
     Described,
@@ -230,7 +230,7 @@ class Detection(Described):
 
 def counts(p_value: float, size: float, practical: float, certain: bool) -> bool:
     """Return whether an excess is beyond chance and of `practical` size, or `certain` by its size alone."""
-    return (p_value < LEVEL and size >= practical) or certain
+    return (p_value < SIGNIFICANCE and size >= practical) or certain
 
 
 def _spectrum(detection: Detection, axes: Axes) -> None:

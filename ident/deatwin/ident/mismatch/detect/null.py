@@ -27,6 +27,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from deatwin.ident.mismatch.detect.leftover import Leftover
+from deatwin.ident.mismatch.likelihood.structured import unit_range
+from deatwin.ident.mismatch.thresholds import ROUNDING, SEGMENT_SAMPLES, TINY
 
 ORDERS = (0, 1, 2, 3)
 STABLE = 1.0 - 1e-4
@@ -35,7 +37,6 @@ MOVING = 0.995
 """Share of the simulated readings' power below the band in which the noise's colour is estimated."""
 QUIET_BAND = 0.6
 """Highest lower end of that band, as a share of the Nyquist frequency."""
-SEGMENT_SAMPLES = 256
 SHORTEST_SAMPLES = 64
 """Smallest number of sound samples from which a spectrum is estimated."""
 DEGREE = 4
@@ -59,7 +60,7 @@ class Refit:
         self._jacobian = left.jacobian / np.where(scale > 0, scale, 1.0)
         self._fitted = left.fitted
         tall, small = np.linalg.qr(self._jacobian[left.fitted])
-        inverse = np.linalg.pinv(small, rcond=1e-10)
+        inverse = np.linalg.pinv(small, rcond=ROUNDING)
         self._inverse = inverse @ tall.T
         leverage = np.sum((self._jacobian @ inverse) ** 2, axis=1)
         self.white = np.where(left.fitted, 1.0 - leverage, 1.0 + leverage)
@@ -104,7 +105,7 @@ class _ModelError:
         errors = weights @ self._terms
         power = errors**2 @ self._average
         wanted = self._rms**2 * rng.chisquare(FREEDOMS, count) / FREEDOMS
-        return np.asarray(errors * np.sqrt(wanted / np.maximum(power, 1e-300))[:, None])
+        return np.asarray(errors * np.sqrt(wanted / np.maximum(power, TINY))[:, None])
 
 
 def error_terms(left: Leftover) -> tuple[np.ndarray, np.ndarray]:
@@ -112,7 +113,7 @@ def error_terms(left: Leftover) -> tuple[np.ndarray, np.ndarray]:
 
     Shapes: terms (n, k), without scale; the number of each term's lag (k,), from 1, or 0 if the term is static.
     """
-    reading = _standardised(left.readings)
+    reading = unit_range(left.readings)
     longest = max(r.stop - r.start for r in left.records)
     columns = [2.0 ** (-degree / 2) * _legendre(reading, degree) for degree in range(1, DEGREE + 1)]
     memory = [0] * DEGREE
@@ -190,7 +191,7 @@ def _quiet_from(left: Leftover, frequency: np.ndarray) -> float:
     power = np.zeros(frequency.size)
     for r in left.records:
         power += np.interp(frequency, *welch(left.readings[r], 1.0, nperseg=min(4 * SEGMENT_SAMPLES, r.stop - r.start)))
-    share = np.cumsum(power) / max(power.sum(), 1e-300)
+    share = np.cumsum(power) / max(power.sum(), TINY)
     still = min(int(np.searchsorted(share, MOVING)), frequency.size - 1)
     return min(float(frequency[still]), QUIET_BAND / 2)
 
@@ -201,12 +202,6 @@ def _lagged(signal: np.ndarray, lag: float) -> np.ndarray:
 
     share = 1 - np.exp(-1 / lag)
     return np.asarray(lfilter([share], [1.0, share - 1.0], signal - signal[0]) + signal[0])
-
-
-def _standardised(signal: np.ndarray) -> np.ndarray:
-    """Scale a signal to the range from -1 to 1."""
-    low, high = float(signal.min()), float(signal.max())
-    return 2 * (signal - low) / (high - low) - 1 if high > low else np.zeros(signal.size)
 
 
 def _legendre(signal: np.ndarray, degree: int) -> np.ndarray:

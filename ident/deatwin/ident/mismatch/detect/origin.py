@@ -19,16 +19,24 @@ import numpy as np
 from deatwin.ident.greybox.tangent import taken_off
 from deatwin.ident.mismatch.detect.leftover import Leftover
 from deatwin.ident.mismatch.detect.null import error_terms
-from deatwin.ident.mismatch.quality.bursts import BEND, WINDOW, has_lines
+from deatwin.ident.mismatch.excess import beyond_noise
+from deatwin.ident.mismatch.locate.features import play
+from deatwin.ident.mismatch.quality.bursts import BEND, has_lines
 from deatwin.ident.mismatch.quality.repeats import Repeats, repeatability
 from deatwin.ident.mismatch.result import OriginSummary
+from deatwin.ident.mismatch.thresholds import (
+    BLOCK_SAMPLES,
+    DEVIATIONS,
+    FEWEST_SAMPLES,
+    MOST,
+    PRACTICAL_SHARE,
+    ROUNDING,
+    TINY,
+)
 from deatwin.ident.soundness import neighbours_deviation
 
-FOREIGN, OWN = 0.3, 0.5
-"""Repeatable shares of a residual: it is a disturbance if its share is certainly below the first one, and belongs to
-the plant if it is certainly above the second."""
-UNPREDICTED = 0.1
-"""Largest predictable share of a disturbance, if there are no repeats."""
+FOREIGN = 0.3
+"""Repeatable share of a residual: a disturbance's is certainly below it; that of the plant is certainly above `MOST`."""
 COSINES = 8
 """Number of slow cosines per experiment that count as drift of level or gain."""
 STEPS, TONES = 2, 3
@@ -38,12 +46,8 @@ RIDGES = 10.0 ** np.arange(-3, 4)
 """Penalties of the predictor, as shares of the variance, of which the best one is used."""
 PLAYS = (0.05, 0.2)
 """Widths of two play operators, as shares of the range of the motion."""
-BOUND = 2.0
-"""Half width of the bounds, in standard deviations of the jackknife."""
-ROUNDING = 1e-8
-"""Share of a pattern beside others below which it is only rounding."""
-FEWEST_SECONDS, FEWEST_SAMPLES = 20.0, 200
-"""Smallest duration and number of samples of recordings without repeats from which anything is concluded."""
+FEWEST_SECONDS = 20.0
+"""Smallest duration of recordings from which anything is concluded without repeats."""
 
 
 class Origin(Enum):
@@ -85,7 +89,7 @@ class OriginEvidence:
 def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> OriginEvidence:
     """Decide whether a residual comes from the plant or a disturbance; `practical` is the rms that counts, SI."""
     rest = without_forms(left)
-    size = float(np.sqrt(max(np.mean(rest**2) - left.noise**2, 0.0)))
+    size = beyond_noise(float(np.mean(rest**2)), left.noise)
     noise, samples = _is_noise(left), left.residual.size
     if samples < FEWEST_SAMPLES or not (noise or (size >= practical and samples * left.sample_time >= FEWEST_SECONDS)):
         return OriginEvidence.none(size)
@@ -93,27 +97,27 @@ def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> Orig
         found = repeatability(rest, repeats, left.noise)
         low, share, high = found.low, found.share, found.high
         # A residual that repeats with the opposite sign also repeats.
-        foreign, own, by = max(high, -low) < FOREIGN, low > OWN, "repeats"
+        foreign, own, by = max(high, -low) < FOREIGN, low > MOST, "repeats"
     else:
         terms = _predictors(left)
         low, share, high = _predictable(rest, terms, left.noise**2)
-        tied = _predictable(rest**2 - np.mean(rest**2), terms, 0.0)[2] >= UNPREDICTED
-        foreign = share < UNPREDICTED if noise else high < UNPREDICTED and not tied
-        own, by = low > OWN, "prediction"
+        tied = _predictable(rest**2 - np.mean(rest**2), terms, 0.0)[2] >= PRACTICAL_SHARE
+        foreign = share < PRACTICAL_SHARE if noise else high < PRACTICAL_SHARE and not tied
+        own, by = low > MOST, "prediction"
     origin = Origin.DISTURBANCE if foreign else Origin.PLANT if own else Origin.UNDECIDED
     return OriginEvidence(origin=origin, by=by, share=share, low=low, high=high, left=size)
 
 
 def _is_noise(left: Leftover) -> bool:
     """Return whether the residual beyond the noise is mostly white noise, possibly of varying level."""
-    pieces = [left.residual[r] for r in left.records if r.stop - r.start >= WINDOW]
+    pieces = [left.residual[r] for r in left.records if r.stop - r.start >= BLOCK_SAMPLES]
     if not pieces:
         return False
     bends = np.concatenate([neighbours_deviation(piece)[2:-2] for piece in pieces])
     white, whole = float(np.mean(bends**2)) / BEND, float(np.mean(np.concatenate(pieces) ** 2))
     if whole - white >= white - left.noise**2:
         return False
-    levels = [np.sqrt(np.convolve(piece**2, np.ones(WINDOW) / WINDOW, "same")) for piece in pieces]
+    levels = [np.sqrt(np.convolve(piece**2, np.ones(BLOCK_SAMPLES) / BLOCK_SAMPLES, "same")) for piece in pieces]
     return not any(has_lines(piece / level) for piece, level in zip(pieces, levels, strict=True))
 
 
@@ -142,7 +146,7 @@ class _Forms:
 def without_forms(left: Leftover) -> np.ndarray:
     """Return the residual, (n,), without drifts and steps of level and gain, effects of the largest motion, and tones."""
     moves = left.readings - left.readings.mean()
-    moves = moves / max(float(moves.std()), 1e-300)
+    moves = moves / max(float(moves.std()), TINY)
     edges = [0, *(np.flatnonzero(np.diff(left.experiment)) + 1).tolist(), moves.size]
     each = [slice(first, last) for first, last in pairwise(edges)]
     within = ((own, _orthonormal(_patterns(left.timepts[own], left.readings[own], moves[own]))) for own in each)
@@ -159,7 +163,7 @@ def without_forms(left: Leftover) -> np.ndarray:
 
 def _patterns(timepts: np.ndarray, readings: np.ndarray, moves: np.ndarray) -> np.ndarray:
     """Return slow drifts and effects of the largest motion so far in an experiment, of level and gain, (n, k)."""
-    phase = np.pi * (timepts - timepts[0]) / max(timepts[-1] - timepts[0], 1e-300)
+    phase = np.pi * (timepts - timepts[0]) / max(timepts[-1] - timepts[0], TINY)
     slow = np.cos(phase[:, None] * np.arange(COSINES + 1))
     # film that is stretched further softens once
     farthest = np.stack([extreme.accumulate(readings) for extreme in (np.maximum, np.minimum)], axis=1)
@@ -193,7 +197,7 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
     scale = np.linalg.norm(columns, axis=0)
     tall, small = np.linalg.qr(columns / np.where(scale > 0, scale, 1.0))
     left, singular, _ = np.linalg.svd(small)
-    return np.asarray(tall @ left[:, singular > ROUNDING * max(float(singular.max(initial=0.0)), 1e-300)])
+    return np.asarray(tall @ left[:, singular > ROUNDING * max(float(singular.max(initial=0.0)), TINY)])
 
 
 def _predictors(left: Leftover) -> np.ndarray:
@@ -201,8 +205,8 @@ def _predictors(left: Leftover) -> np.ndarray:
     reading, command = left.readings, left.commands
     rate = np.concatenate([np.gradient(reading[r]) if reading[r].size > 1 else 0 * reading[r] for r in left.records])
     drive = np.concatenate([np.gradient(command[r]) if command[r].size > 1 else 0 * command[r] for r in left.records])
-    usual = max(float(np.std(rate)), 1e-300)
-    plays = [_play(reading, width * float(np.ptp(reading))) for width in PLAYS]
+    usual = max(float(np.std(rate)), TINY)
+    plays = [play(reading, width * float(np.ptp(reading))) for width in PLAYS]
     columns = [
         error_terms(left)[0],
         *(
@@ -227,15 +231,6 @@ def _predictors(left: Leftover) -> np.ndarray:
     return together[:, deviation > 0] / deviation[deviation > 0]
 
 
-def _play(signal: np.ndarray, width: float) -> np.ndarray:
-    """Return the output of a backlash of a given width."""
-    found, last = np.empty(signal.size), signal[0]
-    for k, value in enumerate(signal.tolist()):
-        last = min(max(last, value - width), value + width)
-        found[k] = last
-    return found
-
-
 def _predictable(values: np.ndarray, terms: np.ndarray, noise: float) -> tuple[float, float, float]:
     """Return the share of the variance beyond noise that ridge regression predicts in unseen folds, between bounds."""
     # The bounds come from a jackknife over the folds. The upper one is the largest over all penalties, so that a
@@ -255,10 +250,14 @@ def _predictable(values: np.ndarray, terms: np.ndarray, noise: float) -> tuple[f
 
     def share(kept: np.ndarray) -> np.ndarray:
         total = np.mean(before[kept])
-        return np.asarray(np.mean(gained[kept], axis=0) / max(total - noise, 0.1 * total))
+        return np.asarray(np.mean(gained[kept], axis=0) / max(total - noise, PRACTICAL_SHARE * total))
 
     out = np.stack([share(np.arange(FOLDS) != k) for k in range(FOLDS)])
     deviation = np.sqrt((FOLDS - 1) * np.mean((out - out.mean(axis=0)) ** 2, axis=0))
     middle = share(np.arange(FOLDS) >= 0)
     best = int(np.argmax(middle))
-    return float(middle[best] - BOUND * deviation[best]), float(middle[best]), float(np.max(middle + BOUND * deviation))
+    return (
+        float(middle[best] - DEVIATIONS * deviation[best]),
+        float(middle[best]),
+        float(np.max(middle + DEVIATIONS * deviation)),
+    )

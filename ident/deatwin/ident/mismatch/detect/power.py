@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from deatwin.ident.mismatch.detect.law import Law
+from deatwin.ident.mismatch.thresholds import NEARLY_ALL
 
-SURE = 0.9
-"""Share of the draws in which an effect must be detected."""
 FACTOR, STEPS, HALVINGS = 1.5, 40, 6
 
 
@@ -37,7 +36,7 @@ class Power:
 
         def caught(strength: float) -> bool:
             square = self._square + 2 * strength * cross + strength**2 * power
-            return float(np.mean(self._detected(square, self._along + strength * along, practical))) >= SURE
+            return float(np.mean(self._detected(square, self._along + strength * along, practical))) >= NEARLY_ALL
 
         lowest = 0.1 * self._law.left.noise / np.sqrt(power)
         high = next((lowest * FACTOR**k for k in range(STEPS) if caught(lowest * FACTOR**k)), None)

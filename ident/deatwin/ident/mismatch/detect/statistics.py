@@ -17,11 +17,10 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from deatwin.ident.mismatch.detect.leftover import Leftover
+from deatwin.ident.mismatch.thresholds import TINY
 
 LAGS = 9
 """Number of lags: 0, 1, 4, 16, ... samples, as far as a tenth of the longest recording."""
-TINY = 1e-300
-"""Smallest power, instead of that of a plant's own readings without noise."""
 GROUPS = ("variance ratio", "cumulative periodogram", "correlation with the command", "correlation of the square")
 
 
@@ -115,4 +114,4 @@ def _delayed(signal: np.ndarray, records: Sequence[slice], lag: int) -> np.ndarr
 def _standard(signal: np.ndarray) -> np.ndarray:
     centred = signal - signal.mean()
     deviation = float(centred.std())
-    return centred / deviation if deviation > 1e-12 * float(np.abs(signal).max() + 1e-300) else np.zeros(signal.size)
+    return centred / deviation if deviation > 1e-12 * float(np.abs(signal).max() + TINY) else np.zeros(signal.size)

@@ -28,25 +28,23 @@ from deatwin.ident.mismatch.discover.sparse import Stable, stable_terms
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.refit.search import free_run_rms
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
-from deatwin.plant.arrays import Array
+from deatwin.ident.mismatch.thresholds import DEVIATIONS, NEGLIGIBLE, PRACTICAL_SHARE, ROUNDING, TINY
+from deatwin.plant.arrays import Array, root_mean_square
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import Power, Primitive
 from deatwin.plant.errors import ModelError, SimulationError
 from deatwin.plant.model import Plant
 
-LEAST_GAIN = 0.1
-"""Smallest share by which the error on the held-out part must fall."""
 PREFERRED = (("ball", "force"), ("sensor", "reading"), ("drive", "command"))
 """Default places of a free form; the first one that the rig has is used."""
 STEPS = (1.0, 0.5, 0.25, 0.1)
 """Shares of the linear prediction that are tried as the start of the fit."""
 SHARPER = np.geomspace(0.5, 2.0, 15)
 """Factors by which a shape may differ from that in the dictionary."""
-EVALUATIONS, TOLERANCE = 20, 1e-3
-SIGNIFICANT = 2.0
-"""Smallest ratio of a coefficient to its standard deviation at which the term is kept."""
+EVALUATIONS = 20
 
 
 @checks_its_arguments
@@ -170,7 +168,7 @@ class _Search:
             beside = [base.jacobian, self.answers(found[:k] + found[k + 1 :])] if len(found) > 1 else [base.jacobian]
             basis = tangent_basis(np.hstack(beside))
             own, left = taken_off(self.answers(tried), basis), taken_off(base.residuals, basis)
-            found[k] = tried[int(np.argmax((own.T @ left) ** 2 / np.maximum((own**2).sum(axis=0), 1e-300)))]
+            found[k] = tried[int(np.argmax((own.T @ left) ** 2 / np.maximum((own**2).sum(axis=0), TINY)))]
         return found
 
 
@@ -199,17 +197,17 @@ class _Fit:
         """Return the least significant term, if it may be zero."""
         fit = self.calibration
         own = [fit.names.index(f"{FreeForm.name}.coefficient_{k + 1}") for k in range(len(self.stable))]
-        deviations = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 1e-300))
+        deviations = np.sqrt(np.maximum(np.diag(fit.covariance)[own], TINY))
         said = [fit.names[k] not in fit.undetermined for k in own]
         ratios = np.abs(self.form.coefficients) / deviations * said
-        return int(np.argmin(ratios)) if ratios.min() < SIGNIFICANT else None
+        return int(np.argmin(ratios)) if ratios.min() < DEVIATIONS else None
 
     def without(self, number: int, parts: Sequence[Part]) -> _Fit:
         """Refit without one term."""
         form, left = self.form, [k for k in range(len(self.stable)) if k != number]
         fewer = self.site.free_form([form.terms[k] for k in left], form.size, [form.coefficients[k] for k in left])
         start = self.calibration.plant.without_effects(form.name).with_effects(fewer)
-        again = descend(start, parts, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+        again = descend(start, parts, evaluations=EVALUATIONS, tolerance=NEGLIGIBLE)
         return replace(self, calibration=again, stable=tuple(self.stable[k] for k in left))
 
 
@@ -218,7 +216,7 @@ def _fitted(search: _Search, stable: tuple[Stable, ...], base: Candidate, proble
     start = _start(search, stable, base, problem) if stable else None
     if start is None:
         return None
-    fit = descend(start, problem.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    fit = descend(start, problem.fitted, evaluations=EVALUATIONS, tolerance=NEGLIGIBLE)
     found = _Fit(calibration=fit, stable=stable, site=search.site)
     while found.calibration.status.ok and (number := found.weakest) is not None:
         if len(found.stable) == 1:
@@ -232,8 +230,8 @@ def _start(search: _Search, stable: Sequence[Stable], base: Candidate, problem: 
     plain = base.calibration
     terms = search.sharpened([search.terms[s.column] for s in stable], plain)
     both = np.hstack([plain.jacobian, search.answers(terms)])
-    scale = np.maximum(np.linalg.norm(both, axis=0), 1e-300)
-    moves = np.linalg.lstsq(both / scale, plain.residuals, rcond=1e-8)[0] / scale
+    scale = np.maximum(np.linalg.norm(both, axis=0), TINY)
+    moves = np.linalg.lstsq(both / scale, plain.residuals, rcond=ROUNDING)[0] / scale
     shifts, coefficients = np.split(moves, [plain.jacobian.shape[1]])
     size = float(np.abs(coefficients).max())
     if not size > 0:
@@ -244,14 +242,9 @@ def _start(search: _Search, stable: Sequence[Stable], base: Candidate, problem: 
         moved = fitting.values(np.clip(fitting.start() + share * shifts, *fitting.bounds()))
         form = search.site.free_form(terms, size, list(share * coefficients / size))
         starts.append(plain.plant.with_values(moved).with_effects(form))
-    rms = [_rms_on(start, problem.fitted) for start in starts]
+    rms = [free_run_rms(start, problem.fitted) for start in starts]
     best = int(np.argmin(rms))
     return starts[best] if rms[best] < plain.rms else None
-
-
-def _rms_on(plant: Plant, parts: Sequence[Part]) -> float:
-    residuals = free_run_residuals(plant, parts)
-    return float(np.inf) if residuals is None else float(np.sqrt(np.mean(residuals**2)))
 
 
 def _kept(fit: _Fit, base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Discovery | None:
@@ -260,10 +253,10 @@ def _kept(fit: _Fit, base: Candidate, problem: DiagnosisProblem, rng: np.random.
     unseen = free_run_residuals(plant, problem.unseen)
     if unseen is None:
         return None
-    after, losses = float(np.sqrt(np.mean(unseen**2))), block_losses(unseen)
+    after, losses = root_mean_square(unseen), block_losses(unseen)
     plain = min(base.unseen, _left_without(fit, base, problem), key=lambda residuals: float(np.mean(residuals**2)))
-    before, gain_low = float(np.sqrt(np.mean(plain**2))), bootstrap_gain(block_losses(plain), losses, rng)
-    if after > (1 - LEAST_GAIN) * before or gain_low <= 0:
+    before, gain_low = root_mean_square(plain), bootstrap_gain(block_losses(plain), losses, rng)
+    if after > (1 - PRACTICAL_SHARE) * before or gain_low <= 0:
         return None
     along = [signals_along(plant, part, fit.site.position) for part in problem.fitted]
     values = np.vstack([evaluated(form.terms, signals, plant.rig.sample_time) for signals in along])
@@ -286,7 +279,7 @@ def _left_without(fit: _Fit, base: Candidate, problem: DiagnosisProblem) -> Arra
     """Return held-out residuals of the plant without the form, refitted from its values beside the form."""
     # Beside a form, the plant's parameters may come to values that are better even without the form.
     plant = fit.calibration.plant.without_effects(fit.form.name)
-    again = descend(plant, problem.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    again = descend(plant, problem.fitted, evaluations=EVALUATIONS, tolerance=NEGLIGIBLE)
     unseen = free_run_residuals(again.plant, problem.unseen) if again.status.ok else None
     return base.unseen if unseen is None else unseen
 

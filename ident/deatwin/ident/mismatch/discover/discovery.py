@@ -13,6 +13,7 @@ from deatwin.ident.greybox.filter import Latent
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.discover.dictionary import RATE
 from deatwin.ident.mismatch.result import FreeFormSummary, ShapeSummary, TermSummary
+from deatwin.ident.mismatch.thresholds import DEVIATIONS
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import (
@@ -33,9 +34,8 @@ from deatwin.plant.records import plain
 
 SHOWN = {"m": ("mm", 1e-3), "m/s": ("mm/s", 1e-3), "N": ("mN", 1e-3)}
 """Units on axes, with their SI size; others are shown as they are."""
-BINS, FEWEST, BAND = 40, 5, 2.0
-"""Number of bins of the band over the state, samples that a bin needs, and half width of the band in standard
-deviations."""
+BINS, FEWEST = 40, 5
+"""Number of bins of the band over the state, and samples that a bin needs."""
 NOT_PHYSICS = "fitted formula, without physical meaning"
 WORDS = {
     "power": "{x}",
@@ -200,7 +200,7 @@ class Discovery(Described):
             mean, deviation = self.latent.mean[seen] / high, self.latent.deviation[seen] / high
             ax.plot(state[seen], mean, ".", color="0.75", ms=5, zorder=1, label="estimated from the recordings")
             middle, centre, half = _binned(state[seen], mean, deviation)
-            band = f"mean ± {BAND:g} standard deviations of the estimate"
+            band = f"mean ± {DEVIATIONS:g} standard deviations of the estimate"
             ax.fill_between(middle, centre - half, centre + half, color="C0", alpha=0.25, lw=0, zorder=2, label=band)
         ax.plot(state, self.entering / high, ".", color="C3", ms=2, zorder=3, label=NOT_PHYSICS)
         ax.set_xlabel(f"{self.terms[0].variable} ({across})")
@@ -241,6 +241,6 @@ def _binned(state: Array, mean: Array, deviation: Array) -> tuple[Array, Array, 
     edges = np.linspace(state.min(), state.max(), BINS + 1)
     rows = np.clip(np.searchsorted(edges, state, side="right") - 1, 0, BINS - 1)
     filled = [rows == k for k in range(BINS) if np.sum(rows == k) >= FEWEST]
-    columns = [(state[k].mean(), mean[k].mean(), BAND * np.sqrt(np.mean(deviation[k] ** 2))) for k in filled]
+    columns = [(state[k].mean(), mean[k].mean(), DEVIATIONS * np.sqrt(np.mean(deviation[k] ** 2))) for k in filled]
     middle, centre, half = np.array(columns).reshape(-1, 3).T
     return middle, centre, half

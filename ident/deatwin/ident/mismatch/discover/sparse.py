@@ -14,19 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
-from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, evidence
+from deatwin.ident.mismatch.losses import block_length, evidence
+from deatwin.ident.mismatch.thresholds import (
+    ACCURACY,
+    MOST_TERMS,
+    NEARLY_ALL,
+    PRACTICAL_SHARE,
+    ROUNDING,
+    TINY,
+)
 from deatwin.plant.arrays import Array
 
-MOST_TERMS = 4
 RESAMPLES = 60
-INCLUSION = 0.9
-"""Share of the resampled records in which a term must be chosen."""
 ALIAS = 0.85
 """Correlation above which two columns count as one, because the readings can hardly distinguish them."""
 NOTHING_OWN = 1e-2
 """Share of a column's length below which the nuisances imitate it completely."""
 PERMUTATIONS = 40
-FALSE_DISCOVERIES = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +53,7 @@ def stable_terms(columns: Array, target: Array, nuisances: Array, rng: np.random
     basis = tangent_basis(nuisances)
     own = taken_off(columns, basis)
     size, whole = np.linalg.norm(own, axis=0), np.linalg.norm(columns, axis=0)
-    unit = own * np.where(size > NOTHING_OWN * whole, 1 / np.maximum(size, 1e-300), 0.0)
+    unit = own * np.where(size > NOTHING_OWN * whole, 1 / np.maximum(size, TINY), 0.0)
 
     blocks = _blocks(unit, _freed(target, basis))
     chosen = [_forward(np.tensordot(_drawn(len(blocks), rng), blocks, 1), len(blocks)) for _ in range(RESAMPLES)]
@@ -67,13 +71,13 @@ def stable_terms(columns: Array, target: Array, nuisances: Array, rng: np.random
     def false_discoveries(gain: float) -> float:
         return sum(g >= gain for g in chance) / PERMUTATIONS / sum(g >= gain for g in gains)
 
-    return tuple(t for t, gain in zip(kept, gains, strict=True) if false_discoveries(gain) <= FALSE_DISCOVERIES)
+    return tuple(t for t, gain in zip(kept, gains, strict=True) if false_discoveries(gain) <= PRACTICAL_SHARE)
 
 
 def _freed(target: Array, basis: Array) -> Array:
     """Return the part of a target that nuisances cannot explain, scaled to length 1."""
     left = taken_off(target, basis)
-    return left / max(float(np.linalg.norm(left)), 1e-300)
+    return left / max(float(np.linalg.norm(left)), TINY)
 
 
 def _stable(chosen: Sequence[Sequence[int]], aliases: NDArray[np.bool_]) -> list[Stable]:
@@ -85,7 +89,7 @@ def _stable(chosen: Sequence[Sequence[int]], aliases: NDArray[np.bool_]) -> list
     for j in np.argsort(-own, kind="stable"):
         taken = [term.column for term in kept]
         inclusion = float(shared[j] / len(chosen))
-        if own[j] > 0 and inclusion >= INCLUSION and not aliases[j, taken].any() and len(kept) < MOST_TERMS:
+        if own[j] > 0 and inclusion >= NEARLY_ALL and not aliases[j, taken].any() and len(kept) < MOST_TERMS:
             kept.append(Stable(column=int(j), inclusion=inclusion))
     return kept
 
@@ -96,7 +100,7 @@ def _forward(products: Array, count: int) -> tuple[int, ...]:
 
     rows = _rows_of(products)
     size = np.linalg.norm(rows[:, :-1], axis=0)
-    usable = np.flatnonzero(size > 1e-6 * size.max(initial=0.0))
+    usable = np.flatnonzero(size > ACCURACY * size.max(initial=0.0))
     steps = min(MOST_TERMS, usable.size - 1)
     if steps < 1:
         return ()
@@ -118,13 +122,13 @@ def _evidence(products: Array, support: Sequence[int], count: int) -> float:
     """Return the log evidence of a least-squares fit of the target by a support."""
     picked = list(support)
     inner, cross = products[np.ix_(picked, picked)], products[picked, -1]
-    explained = cross @ np.linalg.lstsq(inner, cross, rcond=1e-10)[0] if picked else 0.0
-    return evidence(np.full(count, max(products[-1, -1] - explained, 1e-300)), len(picked))
+    explained = cross @ np.linalg.lstsq(inner, cross, rcond=ROUNDING)[0] if picked else 0.0
+    return evidence(np.full(count, max(products[-1, -1] - explained, TINY)), len(picked))
 
 
 def _blocks(unit: Array, target: Array) -> Array:
     """Sums of products of the columns and, last, the target over blocks of samples, shape (b, k + 1, k + 1)."""
-    length = max(1, min(BLOCK_SAMPLES, target.size // 8))
+    length = block_length(target.size)
     count = target.size // length
     parts = np.hstack([unit, target[:, None]])[: count * length].reshape(count, length, -1)
     return np.asarray(np.einsum("bij,bik->bjk", parts, parts))

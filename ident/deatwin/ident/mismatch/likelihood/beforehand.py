@@ -10,6 +10,7 @@ import numpy as np
 
 from deatwin.ident.mismatch.likelihood import structured
 from deatwin.ident.mismatch.likelihood.model import Process
+from deatwin.ident.mismatch.thresholds import DEVIATIONS
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
@@ -28,7 +29,7 @@ FAST, FAST_TIMES = 0.4, (5.0, 50.0)
 times are chosen for the motion."""
 TIMING = 0.15
 """Prior standard deviation of the time at which the command acts or a further reading is taken, in samples."""
-LATEST = 2.0 * TIMING
+LATEST = DEVIATIONS * TIMING
 """Largest timing error of a rig, in samples, half width of its 95 % interval: a rig that answers later lacks an effect."""
 SLOW, SLOW_TIME, SLOW_MODES = 0.3, 3000.0, 4
 """Rms of the slow part of the model error, as a share of the rig's, its time constant in samples, and the number of its
@@ -36,8 +37,6 @@ modes that are kept in each recording."""
 SPREAD, NOISE = 0.7, 0.1
 """Prior standard deviations of the logarithm of the fast error's rms, a factor of two either way, and of that of the
 noise."""
-ACCURACY = 1e-6
-"""Error of a simulation, as a share of the motion, which replaces the noise of readings without any."""
 LEAST_ERROR = 0.05
 """Smallest model error of a rig that states none, as a share of the noise."""
 

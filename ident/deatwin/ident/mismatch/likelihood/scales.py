@@ -17,6 +17,7 @@ from scipy.special import logsumexp
 from deatwin.ident.mismatch.likelihood.laplace import LOG_2PI, Weighed
 from deatwin.ident.mismatch.likelihood.model import Prior, Reading
 from deatwin.ident.mismatch.likelihood.whitening import grams
+from deatwin.ident.mismatch.thresholds import ACCURACY
 from deatwin.plant.errors import DataError
 
 NODES = 8
@@ -240,7 +241,7 @@ def _maximum(of: Callable[[np.ndarray], float], start: np.ndarray) -> tuple[np.n
     for _ in range(ROUNDS):
         slope, bend = _slopes(of, at, value)
         squares, axes = np.linalg.eigh(-bend)
-        bends = np.maximum(np.abs(squares), 1e-6 * max(np.abs(squares).max(initial=0.0), 1.0))
+        bends = np.maximum(np.abs(squares), ACCURACY * max(np.abs(squares).max(initial=0.0), 1.0))
         step = axes @ (axes.T @ slope / bends)
         if slope @ step <= 2.0 * ENOUGH:
             break

@@ -11,9 +11,10 @@ import numpy as np
 from deatwin.ident.greybox.covariance import beside
 from deatwin.ident.greybox.parts import Part, level_of, simulated
 from deatwin.ident.mismatch.likelihood import structured
-from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, FAST, NOISE, SPREAD, TIMING, OwnError
+from deatwin.ident.mismatch.likelihood.beforehand import FAST, NOISE, SPREAD, TIMING, OwnError
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Reading
 from deatwin.ident.mismatch.likelihood.whitening import grams
+from deatwin.ident.mismatch.thresholds import ACCURACY
 from deatwin.plant.effects.delay import Delay
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.base import Rig

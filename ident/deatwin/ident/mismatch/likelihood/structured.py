@@ -11,16 +11,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
+from deatwin.ident.mismatch.thresholds import ACCURACY, TINY
+
 DEGREES = (2, 7)
 """Smallest and largest degree of the bends: parameters imitate lower degrees, and a film's static relation has no
 higher ones."""
 FILTERS = 8
 """Number of time constants of other laws; a law between two of them differs from both by no more than a few per
 cent."""
-ALIKE = 1e-6
-"""Smallest share by which two laws must differ to count as two."""
-TINY = 1e-300
-"""Smallest divisor."""
 GRID = 200
 """Number of points on which slow modes are computed; the slowest few are smooth at this spacing."""
 
@@ -32,7 +30,7 @@ def bends(simulated: np.ndarray, rms: float) -> np.ndarray:
     """
     # A reading with few different values has no more bends than values; a further direction is no function of it.
     first, last = DEGREES
-    basis, triangle = np.linalg.qr(legvander(_unit(simulated), last))
+    basis, triangle = np.linalg.qr(legvander(unit_range(simulated), last))
     lengths = np.abs(np.diagonal(triangle))
     bent = (lengths > simulated.size * np.finfo(float).eps * lengths.max())[first:]
     return basis[:, first:] * bent * rms * np.sqrt(simulated.size / max(bent.sum(), 1))
@@ -81,7 +79,7 @@ def law(
     # constants (first-order filters, from one sample to the whole recording).
     from scipy.signal import lfilter
 
-    does, clock = contribution * level, _unit(times)
+    does, clock = contribution * level, unit_range(times)
     along, grids = does / max(float(np.abs(does).max()), TINY), _grids(times, records)
     step = _step(times)
     longest = max(float(np.ptp(grid)) for _, grid in grids)  # pauses between recordings do not count
@@ -91,7 +89,7 @@ def law(
     columns += [_counted([lfilter([1.0 - k], [1.0, -k], piece) for piece in each], grids) for k in decays]
     together = np.column_stack(columns) / np.reshape(level, (-1, 1))
     basis, sizes, _ = np.linalg.svd(together, full_matrices=False)
-    return np.asarray(basis[:, sizes > ALIKE * sizes[0]])
+    return np.asarray(basis[:, sizes > ACCURACY * sizes[0]])
 
 
 def limited(
@@ -164,7 +162,7 @@ def _counted(pieces: Sequence[np.ndarray], grids: _Grids) -> np.ndarray:
     return np.concatenate([np.interp(clock, grid, piece) for (clock, grid), piece in pairs])
 
 
-def _unit(values: np.ndarray) -> np.ndarray:
+def unit_range(values: np.ndarray) -> np.ndarray:
     """Scale values to the range from -1 to 1."""
     low, high = float(values.min()), float(values.max())
     return np.zeros_like(values) if high == low else 2.0 * (values - low) / (high - low) - 1.0

@@ -16,15 +16,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from deatwin.ident.mismatch.likelihood.model import Process
+from deatwin.ident.mismatch.thresholds import ACCURACY
 
 SETTLED = 1e-12
 """Largest change of P still to come that counts as settled, as a share of the innovation's variance: over 21,000
 samples it amounts to 1e-8 nats."""
 ROUNDING = 16.0 * float(np.finfo(float).eps)
 """Additional tolerance for each unit of ρ²: rounding errors of P grow with the variance of the process."""
-SAME_STEP = 1e-6
-"""Relative difference up to which two time steps count as equal: times of day in double precision differ by 1e-9 of a
-step."""
 DIGITS = ".8g"
 """Digits to which equal steps agree."""
 PIECE = 1000
@@ -137,7 +135,8 @@ def whitened(process: Process, ratio: float, clock: tuple[np.ndarray, np.ndarray
 def _recording(of: Filter, times: np.ndarray, rows: np.ndarray, first: int) -> Iterator[Block]:
     """Filter stretches of equal time steps: sample by sample until the gains have settled, then by a linear filter."""
     steps = np.diff(times, append=2.0 * times[-1] - times[-2] if times.size > 1 else times[-1] + 1.0)
-    changes = 1 + np.flatnonzero(np.abs(np.diff(steps)) > SAME_STEP * steps[:-1])
+    # Times of day in double precision differ by 1e-9 of a step.
+    changes = 1 + np.flatnonzero(np.abs(np.diff(steps)) > ACCURACY * steps[:-1])
     cov, state, at = of.start(), np.zeros((of.ratios.size, len(rows), len(of.process.times))), 0
     for end in (*changes, times.size):
         step, final = of.for_step(float(steps[at]))

@@ -24,19 +24,15 @@ from scipy.linalg import solve_triangular
 from deatwin.ident.greybox.filter_linear import Linear
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.locate.features import features, signal_at
+from deatwin.ident.mismatch.thresholds import ACCURACY, MOST_TERMS, NEGLIGIBLE, TINY
 from deatwin.plant.arrays import Array
 
-MOST_FEATURES = 4
 FOLDS = 12
 """Number of stretches into which the recordings are cut: features are chosen on every second one and judged on the
 others, and vice versa."""
 STEPS = 1500
 """Largest number of means of samples on which features are chosen."""
-INDEPENDENT = 1e-3
-"""Smallest share of a feature's response that the chosen ones cannot imitate for it to be chosen, too."""
 SHIFTS = 99
-STEADY = 1e-6
-"""Small diagonal that keeps a fit to columns of length one regular if two parameters act alike."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,7 +78,7 @@ class Closure:
     @property
     def explained(self) -> float:
         """R² against the base parameters alone; negative where the function is not repeatable."""
-        return float(1 - self.losses.mean() / max(float(self.closed.mean()), 1e-300))
+        return float(1 - self.losses.mean() / max(float(self.closed.mean()), TINY))
 
 
 def regressions(linears: Sequence[Linear]) -> tuple[Regression, ...]:
@@ -116,7 +112,7 @@ def closure(regression: Regression, shift: int = 0) -> Closure:
     The residual is shifted cyclically by `shift` samples.
     """
     residual = np.roll(regression.residual, shift)
-    losses = np.empty((MOST_FEATURES + 1, residual.size))
+    losses = np.empty((MOST_TERMS + 1, residual.size))
     for half in regression.halves:
         learn = half.learn
         chosen = _pursuit(residual[learn], half)
@@ -146,13 +142,13 @@ def _pursuit(residual: Array, half: Half) -> list[int]:
     chosen: list[int] = []
     while True:
         length = np.linalg.norm(new, axis=0)
-        fresh = length > INDEPENDENT * half.lengths
+        fresh = length > NEGLIGIBLE * half.lengths
         gains = np.where(fresh, np.abs(new.T @ left) / np.where(fresh, length, 1.0), 0.0)
         best = int(np.argmax(gains))
         if not gains[best] > 0:
             return chosen
         chosen.append(best)
-        if len(chosen) == MOST_FEATURES:
+        if len(chosen) == MOST_TERMS:
             return chosen
         direction = new[:, best] / length[best]
         left = left - direction * (direction @ left)
@@ -162,7 +158,8 @@ def _pursuit(residual: Array, half: Half) -> list[int]:
 def _nested_fits(columns: Array, target: Array, count: int) -> list[Array]:
     """Return least-squares fits without the last `count` columns, then with one more column at a time."""
     first = columns.shape[1] - count
-    steady = np.vstack([columns, STEADY * np.eye(columns.shape[1])])
+    # A small diagonal keeps the fit regular if two parameters act alike.
+    steady = np.vstack([columns, ACCURACY * np.eye(columns.shape[1])])
     q, r = np.linalg.qr(steady)
     seen = q[: target.size].T @ target
     return [solve_triangular(r[:k, :k], seen[:k], check_finite=False) for k in range(first, columns.shape[1] + 1)]

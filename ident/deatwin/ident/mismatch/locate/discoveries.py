@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-FALSE_DISCOVERIES = 0.05
+from deatwin.ident.mismatch.thresholds import CHANCE
 
 
 def discoveries(p_values: np.ndarray) -> np.ndarray:
@@ -13,4 +13,4 @@ def discoveries(p_values: np.ndarray) -> np.ndarray:
 
     # Benjamini & Hochberg, J. R. Stat. Soc. B 57 (1995) 289, doi:10.1111/j.2517-6161.1995.tb02031.x.
     # Readings without any noise may leave a test without a value: it shows nothing.
-    return np.asarray(false_discovery_control(np.clip(np.nan_to_num(p_values, nan=1.0), 0.0, 1.0)) <= FALSE_DISCOVERIES)
+    return np.asarray(false_discovery_control(np.clip(np.nan_to_num(p_values, nan=1.0), 0.0, 1.0)) <= CHANCE)

@@ -6,6 +6,7 @@ import numpy as np
 
 from deatwin.ident.greybox.filter_linear import Linear
 from deatwin.ident.greybox.filter_openings import Opening
+from deatwin.ident.mismatch.thresholds import TINY
 from deatwin.plant.arrays import Array
 from deatwin.plant.effects.base import Place
 
@@ -26,7 +27,7 @@ def features(linear: Linear, opening: Opening) -> Array:
     # square, and the square of the former, play operators (rate-independent memory), friction and drag of its rate; and
     # the clock.
     values = linear.states[signal_at(linear, opening)]
-    signal = values / max(float(np.abs(values).max()), 1e-300)
+    signal = values / max(float(np.abs(values).max()), TINY)
     times = np.geomspace(2.0, max(signal.size / 3, 4.0), TIMES)
     clock = np.arange(signal.size)[:, None]
     columns = [
@@ -35,7 +36,7 @@ def features(linear: Linear, opening: Opening) -> Array:
         signal[:, None] ** np.arange(1, 4),
         np.maximum(signal[:, None] - np.quantile(signal, HINGES), 0.0),
         *(_past(signal, time) for time in times),
-        np.stack([_play(signal, share * np.ptp(signal)) for share in PLAYS], axis=1),
+        np.stack([play(signal, share * np.ptp(signal)) for share in PLAYS], axis=1),
         _of_rate(signal),
     ]
     return np.hstack(columns)
@@ -58,7 +59,7 @@ def _past(signal: Array, time: float) -> Array:
     return np.stack([first, second, first**2], axis=1)
 
 
-def _play(signal: Array, width: float) -> Array:
+def play(signal: Array, width: float) -> Array:
     """Apply the play operator: the output follows the signal only when pushed by an end of the slot."""
     moved, at = [], float(signal[0])
     for value in signal.tolist():
@@ -69,6 +70,6 @@ def _play(signal: Array, width: float) -> Array:
 
 def _of_rate(signal: Array) -> Array:
     rate = np.gradient(signal)
-    rate = rate / max(float(rate.std()), 1e-300)
+    rate = rate / max(float(rate.std()), TINY)
     friction = [np.tanh(rate / steep) for steep in STEEP]
     return np.stack([rate, rate * np.abs(rate), *friction], axis=1)

@@ -11,12 +11,13 @@ from scipy.special import chdtrc
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import FEWEST, Track
 from deatwin.ident.mismatch.located import Band
+from deatwin.ident.mismatch.thresholds import SEGMENT_SAMPLES
 from deatwin.plant.datasets import Described, coordinate, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 
-SEGMENT_SECONDS, SEGMENT_SAMPLES, SEGMENTS = 20.0, 256, 8
-"""Length of a segment, s; smallest number of its samples for a plant that is sampled slowly; and number of segments in
-the shortest record that limits the latter, since fewer show the power of a line to no better than a third."""
+SEGMENT_SECONDS, SEGMENTS = 20.0, 8
+"""Length of a segment, s, or at least `SEGMENT_SAMPLES`; and number of segments in the shortest record that limits the
+latter, since fewer show the power of a line to no better than a third."""
 LOUD = 2.0
 """Ratio to the power of the sensor's noise above which a line of the spectrum counts."""
 

@@ -20,15 +20,12 @@ from scipy.special import chdtrc, fdtrc
 
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
 from deatwin.ident.mismatch.located import LineGroup
+from deatwin.ident.mismatch.thresholds import ACCURACY, NEGLIGIBLE, TINY
 from deatwin.plant.amplitudes import axis_label, written_unit
 from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 
-SAME = 1e-6
-"""Largest difference between periods of a periodic command, as a share of its range."""
-EXCITED = 1e-3
-"""Share of the strongest line above which a line counts as excited."""
 FEWEST_PERIODS = 2
 WORDS = {
     "excited": "in the input",
@@ -81,16 +78,16 @@ def _period(command: Array) -> int | None:
     longest = n // FEWEST_PERIODS
     # Squared distance of the command's end from the same command shifted: zero if it repeats.
     head = last[: n - longest]
-    if np.ptp(head) <= SAME * span:  # it rests, as after a step
+    if np.ptp(head) <= ACCURACY * span:  # it rests, as after a step
         return None
     squares = np.concatenate([[0.0], np.cumsum(last**2)])
     size = 1 << (2 * n).bit_length()
     cross = np.fft.irfft(np.fft.rfft(last, size) * np.conj(np.fft.rfft(head, size)), size)[: longest + 1]
     shifts = np.arange(longest + 1)
     apart = squares[head.size] + squares[shifts + head.size] - squares[shifts] - 2 * cross
-    alike = np.flatnonzero(apart[1:] <= (10 * SAME * span) ** 2 * head.size) + 1
+    alike = np.flatnonzero(apart[1:] <= (10 * ACCURACY * span) ** 2 * head.size) + 1
     for shift in alike[alike > 2]:  # shorter periods have no line between 0 and the Nyquist frequency
-        if np.abs(last[shift : shift + head.size] - head).max() <= SAME * span:
+        if np.abs(last[shift : shift + head.size] - head).max() <= ACCURACY * span:
             return int(shift)
     return None
 
@@ -103,7 +100,7 @@ def _grouped(track: Track, command: Array, period: int, noise: float) -> Lines:
     mean = spectra.mean(axis=0)
     varying = (np.abs(spectra - mean) ** 2).sum(axis=0) / (kept - 1)
     numbers = np.arange(1, mean.size + 1)
-    excited = drive > EXCITED * drive.max()
+    excited = drive > NEGLIGIBLE * drive.max()
     kinds = {"excited": excited, "odd": ~excited & (numbers % 2 == 1), "even": ~excited & (numbers % 2 == 0)}
     groups = [
         _group(kind, np.abs(mean[mask]) ** 2, varying[mask], kept, period) for kind, mask in kinds.items() if mask.any()
@@ -118,7 +115,7 @@ def _grouped(track: Track, command: Array, period: int, noise: float) -> Lines:
 def _group(kind: str, power: Array, varying: Array, periods: int, period: int) -> LineGroup:
     """Test the mean over periods against the variation between them (Fisher's F, two degrees of freedom per line)."""
     count = power.size
-    ratio = float(power.sum()) * periods / max(float(varying.sum()), 1e-300)
+    ratio = float(power.sum()) * periods / max(float(varying.sum()), TINY)
     steady = max(0.0, float((power - varying / periods).sum()))
     return LineGroup(
         kind=kind,
@@ -131,7 +128,7 @@ def _group(kind: str, power: Array, varying: Array, periods: int, period: int) -
 def _repeats(command: Array, period: int) -> int:
     """Return the number of complete periods at the end of a command."""
     span = float(np.ptp(command))
-    same = np.abs(command[period:] - command[:-period]) <= SAME * span
+    same = np.abs(command[period:] - command[:-period]) <= ACCURACY * span
     broken = np.flatnonzero(~same)
     repeated = command.size - (int(broken[-1]) + 1 if broken.size else 0)
     return repeated // period

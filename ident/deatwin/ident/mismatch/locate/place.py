@@ -18,6 +18,7 @@ from deatwin.ident.mismatch.locate.closure import Closure, closure, closure_p_va
 from deatwin.ident.mismatch.located import PlaceSummary
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.thresholds import CHANCE, DEVIATIONS, TINY
 from deatwin.plant.datasets import Described, Metadata, attribute, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.effects.base import Place
@@ -26,10 +27,6 @@ from deatwin.plant.words import spaced
 
 BLOCKS = 48
 """Number of stretches of the recordings in which two places are compared."""
-TOGETHER = 2.0
-"""Number of standard errors by which the losses at a place may exceed those at the best one if it still belongs to the
-answer."""
-REPEATABLE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +78,7 @@ class Places(Described):
     @property
     def repeatable(self) -> bool:
         """Return whether the mismatch is a repeatable function of the signals at any place."""
-        return self.closure_p_value < REPEATABLE
+        return self.closure_p_value < CHANCE
 
     @property
     def among_best(self) -> tuple[str, ...]:
@@ -135,7 +132,7 @@ def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Gene
     problems = regressions(linears)
     closures = [closure(fitting) for fitting in problems]
     best = min(closures, key=lambda c: float(c.losses.mean()))
-    explicable = 1 - floor.noise**2 / problems[0].readings / max(float(best.closed.mean()), 1e-300)
+    explicable = 1 - floor.noise**2 / problems[0].readings / max(float(best.closed.mean()), TINY)
     found = [
         OpenedPlace(
             place=opening.place,
@@ -143,7 +140,7 @@ def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Gene
             gain=gain,
             p_value=float(p),
             explained=one.explained,
-            score=float(np.clip(one.explained / max(explicable, one.explained, 1e-300), 0.0, 1.0)),
+            score=float(np.clip(one.explained / max(explicable, one.explained, TINY), 0.0, 1.0)),
             among_best=_as_good(one, best),
         )
         for opening, gain, p, one in zip(linears[0].openings, gains, p_values, closures, strict=True)
@@ -178,4 +175,4 @@ def _as_good(one: Closure, best: Closure) -> bool:
 
     worse = one.losses - best.losses
     means = np.array([piece.mean() for piece in np.array_split(worse, min(BLOCKS, worse.size))])
-    return not means.any() or bool(wilcoxon(means, alternative="greater").pvalue > ndtr(-TOGETHER))
+    return not means.any() or bool(wilcoxon(means, alternative="greater").pvalue > ndtr(-DEVIATIONS))

@@ -14,6 +14,7 @@ from scipy.special import ndtr
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
 from deatwin.ident.mismatch.located import Region
+from deatwin.ident.mismatch.thresholds import DEVIATIONS, SETTLING_SECONDS, TINY
 from deatwin.ident.soundness import samples_in
 from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
@@ -23,8 +24,6 @@ BINS = 12
 BRANCH, SINCE_REST = "branch", "time_since_rest"
 """Signals that are derived from others: 1 where the reading rises and -1 where it falls; and the time since the command
 last rested, s."""
-STILL_SECONDS = 1.0
-"""Time for which a command must have been constant to count as at rest, s."""
 RATE = "_rate"
 
 
@@ -66,7 +65,7 @@ class Regions(Described):
             ax.errorbar(
                 at,
                 [one.mean for one in bins],
-                [2 * one.deviation for one in bins],
+                [DEVIATIONS * one.deviation for one in bins],
                 marker=marker,
                 markersize=3,
                 linewidth=1,
@@ -141,7 +140,7 @@ def _since_rest(command: np.ndarray, sample_time: float) -> np.ndarray:
     samples = np.arange(command.size)
     moved = np.concatenate([[True], np.diff(command) != 0])
     still = samples - np.maximum.accumulate(np.where(moved, samples, 0))
-    resting = still >= samples_in(STILL_SECONDS, sample_time)
+    resting = still >= samples_in(SETTLING_SECONDS, sample_time)
     return sample_time * (samples - np.maximum.accumulate(np.where(resting, samples, 0)))
 
 
@@ -181,5 +180,5 @@ def _mean_test(values: np.ndarray, seconds: np.ndarray) -> tuple[float, float, f
     means = np.bincount(inverse, weights=values) / np.bincount(inverse)
     if means.size < 3:
         return float(values.mean()) if values.size else 0.0, 0.0, 1.0
-    deviation = means.std(ddof=1) / np.sqrt(means.size) + 1e-300
+    deviation = means.std(ddof=1) / np.sqrt(means.size) + TINY
     return float(values.mean()), float(deviation), float(2 * ndtr(-abs(means.mean()) / deviation))

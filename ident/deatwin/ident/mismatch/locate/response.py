@@ -20,6 +20,7 @@ import numpy as np
 from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means
 from deatwin.ident.frequency.comparison.equality import Scatter, equality, holm
 from deatwin.ident.mismatch.located import ResponseDifference
+from deatwin.ident.mismatch.thresholds import CHANCE, PRACTICAL_SHARE
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
@@ -39,10 +40,6 @@ MOVING = 0.95
 """Share of the readings' power that lies below that frequency."""
 SAMPLES = 8
 """Smallest number of samples per period of that frequency."""
-SHORTEST = 0.1
-"""Shortest record, as a share of the longest; shorter ones have no useful spectrum."""
-LEVEL = 0.05
-"""Significance level of the whole table (Holm)."""
 TERMS = generate_terms(1, (0, 1), 3, rule=AtMost(output=1))
 """Terms of the models, affine in the past reading, so that instruments average out its noise."""
 
@@ -58,7 +55,7 @@ def locate_response(
     # Only the first input and the first output are compared. A difference of an order counts only beyond the model
     # error, which is assumed to be spread over frequencies as the input is.
     longest = max(reading.size for reading in readings)
-    pairs = [(r, y) for r, y in zip(recordings, readings, strict=True) if y.size >= SHORTEST * longest]
+    pairs = [(r, y) for r, y in zip(recordings, readings, strict=True) if y.size >= PRACTICAL_SHARE * longest]
     if not any(np.ptp(y) > 0.0 for _, y in pairs):
         return None  # a plant that stands still has no response
     step = pairs[0][0].sample_time
@@ -72,7 +69,7 @@ def locate_response(
         return None  # too short or too poor for responses of these orders
     corrected = holm([difference.p_value for difference in found])
     return tuple(
-        replace(difference, p_value=float(p)) for difference, p in zip(found, corrected, strict=True) if p < LEVEL
+        replace(difference, p_value=float(p)) for difference, p in zip(found, corrected, strict=True) if p < CHANCE
     )
 
 

@@ -10,21 +10,16 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import ndtr
 
-from deatwin.ident.mismatch.locate.discoveries import FALSE_DISCOVERIES
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
 from deatwin.ident.mismatch.located import Window
+from deatwin.ident.mismatch.thresholds import CHANCE, MOST, MOST_WINDOWS, NEARLY_ALL, TINY, WINDOW_SECONDS
 from deatwin.ident.soundness import samples_in
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 
-WINDOW_SECONDS, MOST_WINDOWS = 2.0, 2000
-"""Length of a window, s, and largest number of windows: the work grows with its square."""
 MOST_PIECES = 5
 FEWEST_SECONDS = 5
 """Length of the shortest window in which a trend can be seen, s."""
-COMES_BACK = 0.5
-"""Autocorrelation above which a mismatch is called periodic."""
-NEARLY = 0.9
 
 
 def _along(name: str) -> Callable[[Times], np.ndarray]:
@@ -86,7 +81,7 @@ def locate_time(tracks: Sequence[Track], floor: float) -> Times:
         size = max(2, min(max(samples_in(WINDOW_SECONDS, track.sample_time), n // MOST_WINDOWS), n // 8))
         count = track.residual.size // size
         rows = track.residual[: count * size].reshape(count, size)
-        features = np.stack([rows.mean(axis=1), np.log(np.mean(rows**2, axis=1) + 1e-300)])
+        features = np.stack([rows.mean(axis=1), np.log(np.mean(rows**2, axis=1) + TINY)])
         edges = _few_change_points(features)
         for first, last in itertools.pairwise(edges):
             stop = track.residual.size if last == count else last * size
@@ -113,7 +108,7 @@ def _slope(track: Track, first: int, stop: int) -> float:
     slope = float(times @ means / (times @ times))
     left = means - means.mean() - slope * times
     deviation = float(np.sqrt(left @ left / (count - 2) / (times @ times)))
-    significant = ndtr(-abs(slope) / max(deviation, 1e-300)) < FALSE_DISCOVERIES / 2
+    significant = ndtr(-abs(slope) / max(deviation, TINY)) < CHANCE / 2
     return slope / (size * track.sample_time) if significant else 0.0
 
 
@@ -132,7 +127,7 @@ def _period(tracks: Sequence[Track]) -> float | None:
         return None
     later = correlation[below[0] :]
     # Multiples of the period have peaks of the same height but for noise, so the first one counts.
-    high = np.flatnonzero(later > max(COMES_BACK, NEARLY * later.max()))
+    high = np.flatnonzero(later > max(MOST, NEARLY_ALL * later.max()))
     if high.size == 0:
         return None
     first = high[: int(np.argmax(np.diff(high, append=high[-1] + 2) > 1)) + 1]

@@ -7,20 +7,12 @@ import numpy as np
 from deatwin.ident.greybox.tangent import bounded_fit
 from deatwin.ident.mismatch.excess import Excess
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.thresholds import MOST, NEARLY_ALL
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.parameters import Parameter
 
-MOST = 0.5
-"""Share of the mismatch's power that an explanation must remove, because any effect makes a nearly adequate base plant
-adequate."""
 TRIFLE = 0.05
 """Share of the mismatch's power below which a further effect may only correct the model error."""
-NEARLY_ALL = 0.9
-"""Share of the explainable power above which the remainder may be an error in the effects' laws. At worst the law of a
-mechanism is right to about 30 % of its contribution, which is 9 % of its power. A set that removes less imitates
-something else, or is incomplete."""
-ACTING = 0.5
-"""Smallest contribution of the effects, as a share of the fall of the rms residual. If the fit without them is at its
-minimum, the share is at least 1, by the triangle inequality."""
 
 SUFFICIENT = ((0.8, 0.95), (1.5, 3.0))
 """Shares of the mismatch's power that an explanation removes, and how many times the model error it may then leave,
@@ -35,17 +27,19 @@ def gained(candidate: Candidate, less: Candidate) -> float:
 
 def takes_most(candidate: Candidate, base: Candidate) -> bool:
     """Return whether a candidate removes most of the residual's power beyond noise."""
+    # Any effect makes a nearly adequate base plant adequate.
     return gained(candidate, base) > MOST * float(base.losses.mean() - base.noise**2)
 
 
 def acts(candidate: Candidate, base: Candidate) -> bool:
     """Return whether the effects of a candidate, not its refitted parameters, make the fit better."""
     # If the fit without an effect has not reached its minimum, a fit with the effect may be better although the effect
-    # does little. Its contribution is then smaller than the fall of the residual, which is impossible from a minimum.
+    # does little. Its contribution is then smaller than the fall of the residual, which the triangle inequality
+    # forbids at a minimum.
     # An interval of the strength is no substitute, because a strength may be correlated with a time constant of the
     # effect.
     fell = base.fitted_test.rms - candidate.fitted_test.rms
-    return float(np.sqrt(np.mean(candidate.contribution**2))) > ACTING * fell
+    return root_mean_square(candidate.contribution) > MOST * fell
 
 
 def held_back_by(candidate: Candidate) -> tuple[str, ...]:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from deatwin.ident.mismatch.advise.distance import DISTINGUISHED, STEPS, separation
+from deatwin.ident.mismatch.advise.distance import STEPS, separation
 from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
 from deatwin.ident.mismatch.naming.datasets import naming_tables
 from deatwin.ident.mismatch.naming.drawing import draw_naming
 from deatwin.ident.mismatch.naming.evidence_ratio import advantage, likeliest
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.thresholds import CREDIBLE, DISTINGUISHED, MOST, STRONG
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.datasets import Described, Metadata, attribute, several
 
@@ -23,14 +24,6 @@ if TYPE_CHECKING:
 
 Distances = dict[tuple[object, ...], tuple[tuple[Any, ...], float]]
 """Known distances by the ids of both fits, noise and steps; the arguments are stored, so that the ids stay valid."""
-STRONG = float(np.log(20.0))
-"""Log evidence ratio, in nats, beyond which an alternative is excluded (Kass & Raftery 1995: strong evidence)."""
-CREDIBLE = 0.95
-"""Total probability that the best explanation and its alternatives must reach, so that many weak alternatives count
-together."""
-ALTERNATIVE_SHARE = 0.5
-"""Share of the model error by which the residual of an alternative of unknown distance may exceed that of the best
-explanation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -322,7 +315,7 @@ def cannot_rule_out(alternative: Candidate, best: Candidate) -> bool:
     """Return whether an alternative of unknown distance from the best explanation remains possible."""
     if is_as_likely(alternative, best):
         return True
-    return is_possible(alternative, best) and _apart(alternative, best) < ALTERNATIVE_SHARE * _model_error(best)
+    return is_possible(alternative, best) and _apart(alternative, best) < MOST * _model_error(best)
 
 
 def is_possible(alternative: Candidate, best: Candidate) -> bool:

@@ -10,15 +10,16 @@ from dataclasses import replace
 from functools import partial
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.criteria import MOST, explained, is_near_model_error, suffices
+from deatwin.ident.mismatch.naming.criteria import explained, is_near_model_error, suffices
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out
+from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out
 from deatwin.ident.mismatch.naming.evidence_ratio import advantage, likeliest
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.pairs import barely, with_doubt
 from deatwin.ident.mismatch.naming.refit_all_data import judged_on_everything
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.tried import Names, once
+from deatwin.ident.mismatch.thresholds import MOST, STRONG
 
 _Decision = Callable[[Search, Sequence[Names]], Naming]
 MOST_NEARLY = 2
@@ -44,11 +45,7 @@ def decided_surely(search: Search, stage: Sequence[Names]) -> Naming:
 
 def of_two(search: Search) -> Naming:
     """Decide among pairs, even if a single effect is adequate."""
-    # Effects that could replace one of a pair are tried, too.
     search.with_one_more([names for names in search.tried if len(names) == 1])
-    best = search.best_that_counts(_possible_pairs(search))
-    if best is not None:
-        search.replacing(best, best)
     return _surely(search, lambda _: _over_pairs(search), _of_none)
 
 

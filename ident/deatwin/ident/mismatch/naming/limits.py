@@ -8,9 +8,7 @@ from dataclasses import replace
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, normalised
-
-ROUNDING = 1e-9
-"""Relative tolerance of a bound on a logarithmic scale."""
+from deatwin.ident.mismatch.thresholds import ROUNDING
 
 
 def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming:

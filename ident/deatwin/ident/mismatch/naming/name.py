@@ -15,10 +15,11 @@ from deatwin.ident.mismatch.naming.pairs import with_a_second
 from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.trial import Fitted
-from deatwin.ident.mismatch.naming.tried import CLEARLY_BETTER, Finished, Names
+from deatwin.ident.mismatch.naming.tried import Finished, Names
 from deatwin.ident.mismatch.naming.variants import in_variant, with_fewer
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
+from deatwin.ident.mismatch.thresholds import CLEARLY_LESS
 
 MOST_CAUSES = 3
 """Largest number of effects in an explanation; larger sets cannot be distinguished."""
@@ -173,11 +174,11 @@ def _best_variant(variants: Sequence[_InVariant]) -> _InVariant:
     if not sufficing:
         least = [search.least(stage) for search, stage, _ in variants]
         lowest = int(np.argmin(least))
-        if least[lowest] < CLEARLY_BETTER * least[0]:
+        if least[lowest] < CLEARLY_LESS * least[0]:
             return variants[lowest]
         missing = [search.missing([()]) for search, _, _ in variants]
         simplest = int(np.argmin(missing))
-        return variants[simplest if CLEARLY_BETTER * missing[simplest] < variants[0][0].missing(variants[0][1]) else 0]
+        return variants[simplest if CLEARLY_LESS * missing[simplest] < variants[0][0].missing(variants[0][1]) else 0]
     best, number = max(sufficing, key=lambda pair: pair[0].evidence)
     first, k = sufficing[0]
     may_lead = cannot_rule_out if first.effects == best.effects else is_as_likely

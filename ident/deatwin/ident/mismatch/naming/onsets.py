@@ -14,11 +14,10 @@ from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.naming.screen import EVENT_ERROR, Lead, LinearisedResponse, response, started
 from deatwin.ident.mismatch.refit.search import approach
+from deatwin.ident.mismatch.thresholds import ACCURACY
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
-
-VANISHING = 1e-6
-"""Share of an effect's squared response below which the remainder that parameters cannot imitate is only rounding."""
 
 
 def event_leads(
@@ -37,7 +36,7 @@ def event_leads(
     if found is None:
         return ()
     times = reading_times(near.plant, parts)
-    without, missing = readings_of_fit(parts, found[0]), float(np.sqrt(np.mean(found[0] ** 2)))
+    without, missing = readings_of_fit(parts, found[0]), root_mean_square(found[0])
     early = (response(near.plant, parts, without, _from(effect, times), missing) for effect in events)
     seen = (event_lead(known, times, *found, fit.rms) for known in early if known is not None)
     return tuple(lead for lead in seen if lead is not None)
@@ -92,7 +91,7 @@ def beginning_at_each(change: np.ndarray, residual: np.ndarray, basis: np.ndarra
     length = from_each_on(change**2)
     own = length - np.sum(taken**2, axis=1)
     along = from_each_on(change * residual) - taken @ (basis.T @ residual)
-    return along, np.where(own > VANISHING * length[0], own, 0.0)
+    return along, np.where(own > ACCURACY * length[0], own, 0.0)
 
 
 def _from(effect: Effect, times: np.ndarray) -> Effect:

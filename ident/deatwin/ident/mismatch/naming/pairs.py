@@ -7,16 +7,11 @@ from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.criteria import TRIFLE, errs_by_its_law, gained, held_back_by, suffices
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming
+from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.tried import Names
 from deatwin.ident.mismatch.naming.weigh import Scale
-
-BARELY = 0.5
-"""Share of the model error's power below which a second effect does not count; above 1 it certainly does."""
-BESIDE, TRIED = 3, 4
-"""Number of the likeliest single effects beside which second ones are sought, because predictions to first order are
-reliable only near a good fit; and largest number of pairs that are tried."""
+from deatwin.ident.mismatch.thresholds import FEW, MOST, SEVERAL, STRONG
 
 
 def barely(search: Search) -> Naming:
@@ -105,13 +100,14 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
     """Return, for each single effect, the others that make the likeliest pairs with it, to first order."""
     # A biased base fit hides the effect that it imitates, as a biased damping hides a lag. So an effect also gains the
-    # nats by which it brings the rig's parameters nearer to their nominal values.
+    # nats by which it brings the rig's parameters nearer to their nominal values. Predictions to first order are reliable
+    # only near a good fit, so second effects are sought beside few single ones.
     alone = _single_effects(search)
     weights = {c.effects: scale.weight(c) for c in alone}
     highest, tried = max(weights.values(), default=0.0), {frozenset(names) for names in search.tried}
     biased = scale.biased(search.tried[()])
     relief = {names[0]: max(biased - scale.biased(c), 0.0) for names, c in search.tried.items() if len(names) == 1}
-    alone = sorted(alone, key=lambda c: -weights[c.effects])[:BESIDE]
+    alone = sorted(alone, key=lambda c: -weights[c.effects])[:FEW]
     promised = sorted(
         (
             (weights[c.effects] + odds + relief.get(other, 0.0) - highest, c.effects, other)
@@ -123,7 +119,7 @@ def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
     chosen: dict[frozenset[str], tuple[Names, str]] = {}
     for odds, names, other in promised:
         pair = frozenset((*names, other))
-        if odds > 0.0 and pair not in tried and len(chosen) < TRIED:
+        if odds > 0.0 and pair not in tried and len(chosen) < SEVERAL:
             chosen.setdefault(pair, (names, other))
     found: dict[Names, list[str]] = {}
     for names, other in chosen.values():
@@ -165,7 +161,7 @@ def _with_all(search: Search, naming: Naming, first: Candidate, elsewhere: Seque
 def _each_takes(search: Search, names: Names, share: float) -> bool:
     """Return whether each effect of a set removes a share of the mismatch, in fitted and in held-out data."""
     full, base = search.tried[names], search.tried[()]
-    barely_counts = BARELY * search.error_power(names)
+    barely_counts = MOST * search.error_power(names)  # an effect that removes more than all of it certainly counts
     return all(
         without.rms**2 - left.rms**2 >= max(barely_counts, share * (before.rms**2 - search.noise**2))
         for less in search.without_one(names)

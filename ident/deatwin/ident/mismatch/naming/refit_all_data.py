@@ -10,22 +10,13 @@ import numpy as np
 from deatwin.ident.greybox.fit import descend
 from deatwin.ident.greybox.parts import Part, level_of
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.criteria import (
-    MOST,
-    SUFFICIENT,
-    asks,
-    held_back_by,
-    is_near_model_error,
-    share_explained,
-)
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out, decide, is_as_likely, normalised
+from deatwin.ident.mismatch.naming.criteria import SUFFICIENT, asks, held_back_by, is_near_model_error, share_explained
+from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, decide, is_as_likely, normalised
 from deatwin.ident.mismatch.naming.evidence_ratio import advantage, likeliest
 from deatwin.ident.mismatch.problem import DiagnosisProblem
-from deatwin.ident.mismatch.refit.search import DECIDING
+from deatwin.ident.mismatch.thresholds import MOST, NEGLIGIBLE, STRONG, TINY
 from deatwin.ident.parallel import run_jobs
 
-TINY = 1e-300
-"""Smallest probability by which another is divided: thousands of nats may lie between explanations."""
 Refit = Callable[[Candidate, Sequence[Part]], Candidate | None]
 
 
@@ -144,7 +135,7 @@ def _of_the_fitted_part(candidate: Candidate) -> Candidate:
 
 def fitted_to_all(candidate: Candidate, parts: Sequence[Part]) -> Candidate | None:
     """Fit a candidate to all parts, so that none is held out; return None if the fit fails."""
-    fit = descend(candidate.calibration.plant, parts, tolerance=DECIDING)
+    fit = descend(candidate.calibration.plant, parts, tolerance=NEGLIGIBLE)
     if not fit.status.ok:
         return None
     return replace(

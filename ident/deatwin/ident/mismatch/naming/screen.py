@@ -15,6 +15,7 @@ from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
+from deatwin.ident.mismatch.thresholds import ACCURACY, ROUNDING, TINY
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect, Place, require_effects
 from deatwin.plant.model import Plant
@@ -38,11 +39,8 @@ TOO_MUCH = 2.0
 a smaller strength, until the change is within this ratio."""
 LOOKS = 3
 """Largest number of these further simulations of an effect."""
-SEEN = 1e-3
-"""Smallest change at which these simulations aim, as a share of the motion: a thousand times the accuracy of a
-simulation."""
-TINY = 1e-300
-"""Smallest size whose logarithm is taken, or by which another is divided."""
+SEEN = 1e3 * ACCURACY
+"""Smallest change at which these simulations aim, as a share of the motion."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -197,7 +195,7 @@ def _off(change: np.ndarray, wanted: float) -> float:
 def _lead(known: LinearisedResponse, residual: np.ndarray, basis: np.ndarray) -> Lead:
     direction = taken_off(known.change, basis)
     length = float(np.linalg.norm(direction))
-    along = float(direction @ residual) / length if length > 1e-9 * np.linalg.norm(known.change) else 0.0
+    along = float(direction @ residual) / length if length > ROUNDING * np.linalg.norm(known.change) else 0.0
     if along < 0.0 and known.effect.described(known.effect.strength).lower >= 0.0:
         return Lead(effect=known.effect, share=0.0, estimate=known.effect)
     start, estimate = started(known.effect, along / length if along else 0.0)

@@ -22,15 +22,11 @@ from deatwin.ident.mismatch.naming.screen import (
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import NEAR, Fitted, Trial, trials_of, unbiased_like
-from deatwin.ident.mismatch.naming.tried import CLEARLY_BETTER, Finished, Names, Tried, each_without_one, once
+from deatwin.ident.mismatch.naming.tried import Finished, Names, Tried, each_without_one, once
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.thresholds import CLEARLY_LESS, FEW, MANY
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
-
-BESIDE = 6
-"""Number of the most promising effects that are tried beside the effects of a set."""
-ALONE = 3
-"""Number of the best single effects that are added to a set regardless of their score."""
 
 
 class Search(Tried):
@@ -131,7 +127,7 @@ class Search(Tried):
         found = self._leads(names, self.problem.effects)
         # The score of a single effect belongs to another residual, so it promises nothing for this one.
         alone = [replace(lead, share=0.0) for lead in self._good_alone(names)]
-        promising = (*alone, *found[:BESIDE]) if names else shortlist(self.problem, unbiased, found)
+        promising = (*alone, *found[:MANY]) if names else shortlist(self.problem, unbiased, found)
         chosen = {lead.effect.name: lead for lead in promising}
         self.leads = chosen | self.leads
         stage = self._new(trials_of(unbiased, fit, chosen.values()), finished)
@@ -179,7 +175,7 @@ class Search(Tried):
             if tried not in self.tried:
                 return True
             timed = bool(effect.event) or effect.cycle(()) > 0.0
-            return timed and least + floor < CLEARLY_BETTER * (self.missing([tried]) + floor)
+            return timed and least + floor < CLEARLY_LESS * (self.missing([tried]) + floor)
 
         rest, full = self.tried[names].calibration.plant, self.tried[best].calibration.plant
         # An effect of the set may act at another place, or another effect at a further place may do the same.
@@ -195,7 +191,7 @@ class Search(Tried):
     def _good_alone(self, names: Names) -> list[Lead]:
         """Return the best single effects, because the score misses effects that a biased plant imitates."""
         alone = [single for single in self.tried if len(single) == 1 and single[0] not in names]
-        return [self.leads[single[0]] for single in self.ranked(alone)[:ALONE] if single[0] in self.leads]
+        return [self.leads[single[0]] for single in self.ranked(alone)[:FEW] if single[0] in self.leads]
 
     def replacing(self, before: Names, best: Names) -> list[Names]:
         """Try the `best` set of a stage with each of its earlier effects (`before`) replaced by others."""
@@ -255,10 +251,6 @@ class Search(Tried):
         return [self._events[names][1] for names in several]
 
 
-FIRST = 3
-"""Number of untried pairs that are tried because they are the most promising."""
-
-
 def joint_trials(search: Search) -> list[Trial]:
     """Return trials of the most promising untried pairs, one effect of which has been tried alone."""
     # Adding a second effect to the best single one misses two effects that oppose each other: each alone explains
@@ -273,7 +265,7 @@ def joint_trials(search: Search) -> list[Trial]:
         names = frozenset(trial.start.effect_names)
         if left < least and names not in tried:
             promising.setdefault(names, trial)
-    return list(promising.values())[:FIRST]
+    return list(promising.values())[:FEW]
 
 
 def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:

@@ -21,16 +21,12 @@ from deatwin.ident.mismatch.naming.screen import (
     sought_in,
 )
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.thresholds import FEW, MOST
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 
-ALIKE = 0.25
-"""Share of the squared response of the found effect that another one must be able to cause, to first order, before it
-is tried: their responses have a correlation of a half. The found effect may imitate the rest badly."""
 LOOKED_AT = 8
 """Number of the most similar effects that are simulated at their estimated strength."""
-MOST = 3
-"""Largest number of similar effects that are tried, besides effects at further places, which have no score."""
 
 
 def siblings(
@@ -44,7 +40,8 @@ def siblings(
 
     `known` are responses by effect in another plant, such as the calibrated one; those of further effects are added.
     """
-    # If the mismatch is small, noise decides which effects have a high score; if the base fit is biased, no effect has
+    # An effect is tried if it can cause a quarter of the squared response, a correlation of a half: the found effect may
+    # imitate the rest badly. If the mismatch is small, noise decides which effects have a high score; if the base fit is biased, no effect has
     # one. The response of an effect in the plant that was fitted with it has neither problem.
     bare, does = _bare(problem, explanation), contribution(problem, explanation, added)
     if bare is None or not effects or not np.isfinite(does).all():
@@ -53,8 +50,8 @@ def siblings(
     rough = leads(_responses(problem, bare, effects, done, known), done)
     looked_at = _first(rough, LOOKED_AT)
     found = run_jobs(_at_its_strength, [(problem, bare, lead, done) for lead in looked_at], workers=problem.jobs)
-    alike = [lead for lead in found if lead is not None and lead.share > ALIKE]
-    return _first(sorted(alike, key=lambda lead: -lead.share), MOST)
+    alike = [lead for lead in found if lead is not None and lead.share > MOST**2]
+    return _first(sorted(alike, key=lambda lead: -lead.share), FEW)
 
 
 def _responses(

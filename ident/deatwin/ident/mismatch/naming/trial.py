@@ -13,7 +13,6 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.screen import Lead
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.search import (
-    DECIDING,
     ROUGH,
     ROUGHLY,
     at_its_time,
@@ -25,6 +24,7 @@ from deatwin.ident.mismatch.refit.search import (
     search,
     where_it_acts,
 )
+from deatwin.ident.mismatch.thresholds import MOST, NEGLIGIBLE, PRACTICAL_SHARE
 from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
@@ -34,13 +34,11 @@ FAILED_SEARCH = 1.02
 """Ratio of the rms residual to its prediction above which a fit has failed to find the minimum."""
 FEW = 4
 """Number of simulations that show whether a start from the biased plant is promising."""
-NEAR = 1.1
+NEAR = 1.0 + PRACTICAL_SHARE
 """Ratio to the best rms residual within which a fit, or its linearised minimum, must be to be completed."""
 HOPELESS = 1.5
 """Ratio of a fit's linearised minimum to the rms residual of another fit above which the fit is given up. In fits to
 all samples the linearised minimum at the first point is mostly within 15 % of the final value."""
-MOSTLY = 0.5
-"""Share of the mean square without the last effect below which a fit is not given up."""
 FIRST = 2
 """Number of trials that are made first; the others must come near to the best of them."""
 OTHERWISE = (-1.0, 0.1, 1e-3)
@@ -181,7 +179,7 @@ def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibrat
     # can be simulated, the effect is reversed or reduced: a softening spring may release the ball, a hardening or
     # weaker one does not.
     found = search(trial.start, problem.fitted, hopeless)
-    if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
+    if found.given_up and found.rms**2 < MOST * trial.without.rms**2:
         # the linearised minimum is least accurate far from the minimum
         found = _continued(found, problem, np.inf)
     # The plant without the effect is a special case, so a worse fit means that the search failed.
@@ -226,7 +224,7 @@ def _ended(problem: DiagnosisProblem, fit: Calibration, noise: float, to_the_end
 
 def _finished(problem: DiagnosisProblem, fit: Calibration) -> Calibration:
     """Complete a fit; held-out data place an event that it cannot."""
-    completed = finish(at_its_time(fit, problem.fitted, enough=DECIDING), problem.fitted)
+    completed = finish(at_its_time(fit, problem.fitted, enough=NEGLIGIBLE), problem.fitted)
     return in_its_gap(completed, problem.fitted, problem.everything)
 
 

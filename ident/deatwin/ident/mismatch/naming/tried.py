@@ -11,15 +11,14 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.model_error import model_error_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.criteria import TRIFLE, acts, explained, gained, held_back_by, takes_most
-from deatwin.ident.mismatch.naming.decide import STRONG, Distances, Naming, decide, with_distances
+from deatwin.ident.mismatch.naming.decide import Distances, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.refit_all_data import settled_on_everything
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, completed, refitted, run_trials, with_fitted, with_little
 from deatwin.ident.mismatch.naming.weigh import Scale
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.thresholds import CLEARLY_LESS, STRONG
 from deatwin.plant.model import Plant
 
-CLEARLY_BETTER = 0.8
-"""Ratio of mean squares below which another rig variant leaves clearly less, so that the search continues there."""
 Finished = Callable[[float], None]
 Names = tuple[str, ...]
 
@@ -218,11 +217,11 @@ class Tried:
 
     def is_clearly_worse_than(self, alternative: Candidate) -> bool:
         """Return whether the `alternative` variant of the plant leaves clearly less without effects than this one."""
-        return self._beyond_noise(float(alternative.losses.mean())) < CLEARLY_BETTER * self.missing([()])
+        return self._beyond_noise(float(alternative.losses.mean())) < CLEARLY_LESS * self.missing([()])
 
     def is_clearly_better_than(self, alternative: Candidate) -> bool:
         """Return whether the `alternative` variant of the plant leaves clearly more without effects than this one."""
-        return self.missing([()]) <= CLEARLY_BETTER * self._beyond_noise(float(alternative.losses.mean()))
+        return self.missing([()]) <= CLEARLY_LESS * self._beyond_noise(float(alternative.losses.mean()))
 
     def may_be_misread(self, stage: Sequence[Names], naming: Naming, alternative: Candidate) -> bool:
         """Return whether the `alternative` variant could explain the mismatch, or what single effects leave of it."""

@@ -12,9 +12,7 @@ from deatwin.ident.mismatch.naming.decisions import decided, decided_surely, nea
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
 from deatwin.ident.mismatch.naming.tried import Names, each_without_one
-
-AGAIN = 4
-"""Number of the best single effects that are tried in another rig variant."""
+from deatwin.ident.mismatch.thresholds import SEVERAL
 
 
 def in_variant(search: Search, alternative: Candidate, stage: Sequence[Names]) -> tuple[Search, list[Names]]:
@@ -24,7 +22,7 @@ def in_variant(search: Search, alternative: Candidate, stage: Sequence[Names]) -
     found = other.beside(()) if search.is_clearly_worse_than(alternative) else []
     unbiased = search.problem.nominal.with_rig(fit.plant.rig)
     # The score of an effect holds for its own variant only.
-    again = {n: replace(search.leads[n], share=0.0) for names in search.ranked(stage)[:AGAIN] for n in names}
+    again = {n: replace(search.leads[n], share=0.0) for names in search.ranked(stage)[:SEVERAL] for n in names}
     new = [lead for name, lead in again.items() if (name,) not in other.tried and name not in other.lost]
     other.leads = again | other.leads
     found += other.attempt(

@@ -1,26 +1,17 @@
 r"""Comparison of a pair of effects with one of them alone, whose law may be inexact, by the likelihood of all readings.
 
-No law of a mechanism is exact, and a second effect may merely correct the law of the first. So the single effect is
-allowed an error along the response of the second one, as large as errors of laws are. Let :math:`\delta` be the
-difference of the residuals of the single effect and of the pair. It is split into a part that another law of the single
-effect could cause and the rest. Let :math:`c` be the contribution of the single effect. Then
+The page docs/explanation/verdict.md states the reasons and the sizes of these errors. With the contribution c of the
+single effect, and the difference of the residuals of single effect and pair in two parts :math:`\delta_k`, one that
+another law of the single effect could cause and the rest,
 
 .. math:: y = f_1(\theta) + \sum_{k=1}^2 \lambda_k\,\ell_k\,\frac{\mathrm{rms}(c)}{\mathrm{rms}(\delta_k)}\,\delta_k
           + B \beta + g + e, \qquad \lambda_k \sim N(0, 1)
 
-Another law of a slow effect is slow, too. So in each octave of frequency, the second part is at most what c has there
-and above. Nor does an effect err before it acts. So at each time, the second part is at most what c has been by then.
+Of all pairs that were fitted, that one gives :math:`\delta` whose error helps the single effect most. That is cautious:
+with equal prior probabilities of all directions, it would have the mean of these likelihoods, not the largest.
 
-A difference larger than such errors is a second effect. Of all pairs that were fitted, that one gives :math:`\delta`
-whose error helps the single effect most, since each pair is compared with the same single effect: what a second effect
-explains worse than an error of the law along another one is no reason to name it. That is cautious: with equal prior
-probabilities of all directions, the single effect would have the mean of these likelihoods, not the largest. An exact
-law and an inexact one have equal prior probability.
-
-A short delay beside an effect is what the plant's own timing error is. A fit of the effect alone cannot follow such an
-error, and readings are not linear in the parameters over the distance. So the evidence of the effect alone is also
-evaluated at the fit with a delay, whose prior is then that of the timing error; the larger value counts. The column of
-the timing error stays as in all other sets: it belongs to the motion of the base plant, and a delay to that of its own.
+A delay that counts as the plant's own timing error has the prior of that error. The column of the timing error stays as
+in all other sets: it belongs to the motion of the base plant, and a delay to that of its own.
 """
 
 from __future__ import annotations
@@ -55,6 +46,8 @@ from deatwin.ident.mismatch.naming.criteria import inwards
 from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.plan.seen import Change, products
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.thresholds import TINY
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.effects.delay import Delay
 from deatwin.plant.parameters import Parameter
 
@@ -64,8 +57,6 @@ contribution: of the part that another law of the same mechanism could cause, an
 LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
 """Effects whose laws vary more, and not by a filter; for them both deviations have this value. It was measured between
 other laws of these mechanisms and the catalogue's (docs/development/evidence.md)."""
-FAR = 1e-300
-"""Smallest divisor."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -217,7 +208,7 @@ class Scale:
     def _missed(self, alone: Candidate) -> tuple[float, float]:
         """Return the rms law error of one effect, SI: the part another law could cause, and the rest."""
         # Without the effect the plant may have no equilibrium; no contribution exceeds the whole motion.
-        does = min(_rms(alone.contribution), motion_of(self.problem.fitted, self.error.readings))
+        does = min(root_mean_square(alone.contribution), motion_of(self.problem.fitted, self.error.readings))
         own, other = (LOOSE, LOOSE) if LOOPS.intersection(alone.effects) else (OWN, OTHER)
         return own * does, other * does
 
@@ -260,7 +251,7 @@ class Scale:
         for change, along, square in zip(changes[1:], among[0, 1:], np.diagonal(among)[1:], strict=True):
             if not fit.plant.lacks(effects[change.effect]) or square <= 0.0:
                 continue
-            law = _rms(self._rest(change.readings, alone)) / max(_rms(change.readings), FAR)
+            law = root_mean_square(self._rest(change.readings, alone)) / max(root_mean_square(change.readings), TINY)
             fitted = along / square if along > 0.0 or not change.one_sided else 0.0
             deviation, factor = touching(change.deviation, fitted)
             either = np.logaddexp(0.0, _gain(along, square, law, False)) - np.log(2.0)
@@ -281,7 +272,3 @@ def _gain(along: float, square: float, deviation: float, one_sided: bool) -> flo
 def _is_known(contribution: np.ndarray) -> bool:
     """Return whether an effect's contribution is known; without the effect the plant may have no equilibrium."""
     return bool(np.isfinite(contribution).all() and contribution.any())
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

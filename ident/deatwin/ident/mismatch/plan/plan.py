@@ -11,21 +11,23 @@ import numpy as np
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
-from deatwin.ident.mismatch.advise.distance import DISTINGUISHED, confusion
+from deatwin.ident.mismatch.advise.advise import SCREENED
+from deatwin.ident.mismatch.advise.distance import confusion
 from deatwin.ident.mismatch.advise.offer import SensorOffer
 from deatwin.ident.mismatch.advise.sensors import offer, offered
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.excess import practical_size
-from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, deviation, strength_deviation
+from deatwin.ident.mismatch.likelihood.beforehand import deviation, strength_deviation
 from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors, taken_up
 from deatwin.ident.mismatch.naming.screen import response, shapes_of
 from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen, TellingReading
 from deatwin.ident.mismatch.plan.seen import Change, distances, smallest
 from deatwin.ident.mismatch.prepare import effects_for
+from deatwin.ident.mismatch.thresholds import ACCURACY, DISTINGUISHED, TINY
 from deatwin.ident.parallel import one_thread, require_workers, run_jobs
 from deatwin.plant.actuation import actuation_curve
 from deatwin.plant.amplitudes import amplitude_unit
-from deatwin.plant.arrays import require_seed
+from deatwin.plant.arrays import require_seed, root_mean_square
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.model import Plant, require_plant
@@ -33,14 +35,10 @@ from deatwin.plant.readings import Reading
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 
-SAMPLES = 3000
-"""Default number of samples of a suggested input: long enough for a tenth of the slow error's time."""
 FEWEST, MOST = 100, 100_000
 """Smallest and largest number of samples of an advised input; all waveforms are held in memory."""
 LARGE = 1e20
 """Residual size, SI, that exceeds all changes, so that effects are simulated at their typical strength."""
-TINY = 1e-300
-"""Smallest divisor, instead of the size of a change that the parameters imitate completely, SI."""
 Progress = Callable[[float, str], None]
 
 
@@ -118,7 +116,7 @@ def plan_experiment(
         wanted = _wanted(plant, known, commands.extras)
         seen = _seen(plant, commands, known, jobs, lambda done: tell(done / len(known), doing), wanted)
         return _plan(plant, seen, "", {}, known)
-    inputs = _inputs(plant, SAMPLES * plant.rig.sample_time if seconds is None else seconds, seed)
+    inputs = _inputs(plant, SCREENED * plant.rig.sample_time if seconds is None else seconds, seed)
     found: dict[str, _Seen] = {}
     for number, (name, record) in enumerate(inputs.items()):
         tell(number / len(inputs), f"trying {name}")
@@ -183,7 +181,7 @@ class _Seen:
     def confused(self) -> float:
         """Return the probability of mistaking an effect for its nearest alternative, averaged over the effects."""
         near = [min(self.nearest(name, self.among).values()) for name in self.typical]
-        return float(np.mean([confusion(d2) for d2 in near])) if near else 0.5
+        return float(np.mean([confusion(d2) for d2 in near])) if near else confusion(0.0)
 
     def practical(self, k: int) -> float:
         """Return the smallest strength at which a change counts in one of the rig's readings."""
@@ -306,7 +304,7 @@ def _telling(seen: _Seen, rows: Sequence[Foreseen]) -> tuple[TellingReading, ...
 
 def _foreseen(seen: _Seen, effect: Effect, size: float, catalogue: int) -> Foreseen:
     k, strength = seen.typical[effect.name], effect.described(effect.strength)
-    change, rms = seen.changes[k], float(np.sqrt(np.mean(seen.changes[k].readings[seen.error.at[0]] ** 2)))
+    change, rms = seen.changes[k], root_mean_square(seen.changes[k].readings[seen.error.at[0]])
     least = max(smallest(float(seen.among[k, k]), change.deviation, catalogue), seen.practical(k))
     within = least <= max(abs(strength.lower), abs(strength.upper))
     visible = within and least <= abs(strength.value)

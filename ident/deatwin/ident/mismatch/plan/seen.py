@@ -21,9 +21,7 @@ from scipy.optimize import nnls
 
 from deatwin.ident.mismatch.likelihood.beforehand import PRIORS
 from deatwin.ident.mismatch.likelihood.several import OwnErrors, taken_up
-
-SURE = 0.95
-"""Probability from which on an effect counts as named."""
+from deatwin.ident.mismatch.thresholds import CREDIBLE
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,7 +48,7 @@ def smallest(square: float, deviation: float, catalogue: int) -> float:
     """
     if square <= 0.0:
         return float(np.inf)
-    odds = np.log(SURE / (1.0 - SURE)) + np.log(PRIORS[0] / (PRIORS[1] / catalogue))
+    odds = np.log(CREDIBLE / (1.0 - CREDIBLE)) + np.log(PRIORS[0] / (PRIORS[1] / catalogue))
     return float(np.sqrt((2.0 * odds + np.log1p(deviation**2 * square)) / square))
 
 

@@ -6,15 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from deatwin.ident.mismatch.thresholds import BLOCK_SAMPLES, LOUDER, MOST, SIGNIFICANCE
 from deatwin.ident.soundness import neighbours_deviation, runs
 
-WINDOW, STRIDE = 50, 10
-"""Length of a window in which the noise level is estimated, and shift between successive windows, in samples."""
+STRIDE = 10
+"""Shift between successive windows in which the noise level is estimated, in samples."""
 LONE = 5
 """Number of largest deviations from the cubic that are excluded from a window: a single outlier causes five, and is no
 burst."""
-TWICE = 2.0
-"""Ratio of a burst's noise level to the usual one; a window of white noise reaches it less than once in 60 000."""
 WHITE = 2.5
 """Largest ratio, either way, between the spectral power of a burst and the power that its deviations from the cubic
 imply for white noise. A window of white noise exceeds it once in 1000; a smooth residual, such as motion that the plant
@@ -24,15 +23,13 @@ HIDES = 0.25
 tested. The motion that a plant lacks is slow, and present in both."""
 SLOW = 1 / 8
 """Frequency, in cycles per sample, below which a stretch may lack more motion than the others."""
-BARTLETT, FISHER = 1.63, 0.01
-"""Limit of Bartlett's test of the cumulative periodogram at the 1 % level, and level of Fisher's test of its largest
-line (Priestley, Spectral Analysis and Time Series, 1981, sections 6.2.6 and 6.1.4). A residual with a tone, a mode or
+BARTLETT = 1.63
+"""Limit of Bartlett's test of the cumulative periodogram at the 1 % level (Priestley, Spectral Analysis and Time Series,
+1981, section 6.2.6). Fisher's test of its largest line (6.1.4) has the same level. A residual with a tone, a mode or
 correlation is no burst."""
 FEWEST_LINES = 16
 """Smallest number of spectral lines that are tested: with fewer, a tone in their midst would not exceed Bartlett's
 limit."""
-MOSTLY = 0.5
-"""Share of noisy windows among those with a command at least as brisk, above which the noise is due to the command."""
 TRIMMED = 0.66
 """Mean square, for white noise of unit variance, of the deviations in a window without the largest `LONE`."""
 BEND = 35.0 / 18.0
@@ -50,8 +47,8 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
     if usual is None:
         return [np.zeros(residual.size, dtype=bool) for residual in residuals]
     level = _usual([bends.mean(axis=1) for bends, _ in windows])
-    loud = [power > TWICE**2 * max(usual, TRIMMED * floor**2) for power in powers]
-    calm = [values[power <= TWICE**2 * usual] for (_, values), power in zip(windows, powers, strict=True)]
+    loud = [power > LOUDER**2 * max(usual, TRIMMED * floor**2) for power in powers]
+    calm = [values[power <= LOUDER**2 * usual] for (_, values), power in zip(windows, powers, strict=True)]
     others = _densities(np.concatenate(calm)).mean(axis=0)
     briskness = [_windows(command)[0].mean(axis=1) for command in commands]
     every, noisy = np.concatenate(briskness), np.concatenate(loud)
@@ -59,14 +56,15 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
     for residual, (bends, _), power, high, brisk in zip(residuals, windows, powers, loud, briskness, strict=True):
         mask = np.zeros(residual.size, dtype=bool)
         for run in runs(high):
-            if run.size * STRIDE < WINDOW:  # a burst fills as many windows; fewer are chance, or ringing after a step
-                continue
+            if run.size * STRIDE < BLOCK_SAMPLES:
+                continue  # a burst fills as many windows; fewer are chance, or ringing after a step
             white = bends[run].mean()
-            if power[run].mean() < TRIMMED * white / TWICE:  # isolated peaks or ringing, not uniform noise
+            if power[run].mean() < TRIMMED * white / LOUDER:  # isolated peaks or ringing, not uniform noise
                 continue
+            # If most windows with a command at least as brisk are noisy, the command is the cause.
             with_it = float(noisy[every >= np.median(brisk[run])].mean())
-            stretch = slice(STRIDE * run[0], STRIDE * run[-1] + WINDOW)
-            if with_it < MOSTLY and _is_white(residual[stretch], white, others, level + HIDES * (white - level)):
+            stretch = slice(STRIDE * run[0], STRIDE * run[-1] + BLOCK_SAMPLES)
+            if with_it < MOST and _is_white(residual[stretch], white, others, level + HIDES * (white - level)):
                 mask[stretch] = True
         found.append(mask)
     return found
@@ -82,7 +80,7 @@ def has_lines(values: np.ndarray) -> bool:
 def _is_uneven(lines: np.ndarray) -> bool:
     """Return whether Fisher's or Bartlett's test finds more power in some spectral lines than in others."""
     shares = np.cumsum(lines) / np.sum(lines)
-    if lines.max() > np.sum(lines) * (1 - (FISHER / lines.size) ** (1 / (lines.size - 1))):
+    if lines.max() > np.sum(lines) * (1 - (SIGNIFICANCE / lines.size) ** (1 / (lines.size - 1))):
         return True
     return float(np.abs(shares - np.arange(1, lines.size + 1) / lines.size).max()) * np.sqrt(lines.size) > BARTLETT
 
@@ -90,17 +88,17 @@ def _is_uneven(lines: np.ndarray) -> bool:
 def _is_white(values: np.ndarray, variance: float, others: np.ndarray, hiding: float) -> bool:
     """Return whether a stretch is white noise, and larger than that of other windows where these do not hide it.
 
-    `others`, (WINDOW // 2 + 1,), are the mean power densities of the other windows; values from `hiding` on hide the
-    stretch.
+    `others`, (BLOCK_SAMPLES // 2 + 1,), are the mean power densities of the other windows; values from `hiding` on hide
+    the stretch.
     """
     frequency, densities = np.fft.rfftfreq(values.size), _densities(values)
-    usual = np.interp(frequency, np.fft.rfftfreq(WINDOW), others)
+    usual = np.interp(frequency, np.fft.rfftfreq(BLOCK_SAMPLES), others)
     for lowest in (0.0, SLOW):
         # Only every second line is used, since a Hann window correlates neighbouring lines; the mean is no line.
         clear = (1 + np.flatnonzero((usual < hiding)[1:] & (frequency >= lowest)[1:]))[::2]
         if clear.size < FEWEST_LINES:
             return False
-        lines, least = densities[clear], max(variance / WHITE, TWICE**2 * usual[clear].mean())
+        lines, least = densities[clear], max(variance / WHITE, LOUDER**2 * usual[clear].mean())
         if not least < lines.mean() < WHITE * variance or _is_uneven(lines):
             return False
     return True
@@ -122,8 +120,10 @@ def _usual(powers: Sequence[np.ndarray]) -> float | None:
 
 def _windows(residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return squared deviations from cubics, and the values, for a record's windows, (k, n) each."""
-    if residual.size < WINDOW:
-        return np.empty((0, WINDOW)), np.empty((0, WINDOW))
+    if residual.size < BLOCK_SAMPLES:
+        return np.empty((0, BLOCK_SAMPLES)), np.empty((0, BLOCK_SAMPLES))
     bends = neighbours_deviation(residual) ** 2 / BEND
-    first, second = (np.lib.stride_tricks.sliding_window_view(each, WINDOW)[::STRIDE] for each in (bends, residual))
+    first, second = (
+        np.lib.stride_tricks.sliding_window_view(each, BLOCK_SAMPLES)[::STRIDE] for each in (bends, residual)
+    )
     return first, second

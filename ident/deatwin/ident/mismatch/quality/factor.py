@@ -6,12 +6,11 @@ import numpy as np
 
 from deatwin.ident.greybox.parts import Part, simulated
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.thresholds import MOST
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import label
 
-MOST = 0.5
-"""Share of the variance of the readings that is most of it."""
 WRONG_UNIT = 10.0
 """Smallest factor between two units of a quantity with different prefixes."""
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.mismatch.quality.quality import FEWEST_SOUND, DataQuality
+from deatwin.ident.mismatch.quality.quality import DataQuality
+from deatwin.ident.mismatch.thresholds import PRACTICAL_SHARE
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
@@ -34,7 +35,7 @@ def without_unknown(checked: DataQuality, plant: Plant, noise: float) -> DataQua
                     mask[: np.flatnonzero(np.abs(other[0] - one[0]) > floor).max(initial=-1) + 1] = True
         marked.append(tuple(masks))
     every = np.concatenate([mask for masks in marked for mask in masks])
-    return replace(checked, unknown=tuple(marked)) if every.any() and np.mean(~every) >= FEWEST_SOUND else checked
+    return replace(checked, unknown=tuple(marked)) if every.any() and np.mean(~every) >= PRACTICAL_SHARE else checked
 
 
 def _filled(experiment: Experiment, fill: Callable[[np.ndarray, np.ndarray, int], np.ndarray]) -> Experiment:

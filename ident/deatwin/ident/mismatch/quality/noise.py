@@ -8,8 +8,8 @@ from enum import Enum
 
 import numpy as np
 
-from deatwin.ident.mismatch.excess import PRACTICAL_SHARE
 from deatwin.ident.mismatch.quality.repeats import Repeats
+from deatwin.ident.mismatch.thresholds import FEWEST_SAMPLES, PRACTICAL_SHARE, STRONG
 from deatwin.ident.soundness import neighbours_deviation, runs, samples_in
 
 MIDDLE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
@@ -30,16 +30,12 @@ REST_SECONDS = 4.0
 """Time for which a command must have been constant before the readings count as at rest, s."""
 REST_SHARE = 0.002
 """Largest change of a command that counts as constant, as a share of its range."""
-FEWEST = 200
-"""Smallest number of samples from which a noise level is estimated."""
 KNOTS = 15
 """Number of knots between which the logarithm of the noise variance is linear in a signal; they lie in the middles of
 as many equal shares of the signal's samples."""
 RISES = (0.1, 0.3, 1.0, 3.0)
 """Prior standard deviations of the change of that logarithm from knot to knot, all equally likely: from a tenth to a
 factor of 20 in the variance."""
-SURE = float(np.log(20.0))
-"""Log odds above which the noise level varies; constant noise reaches odds of 20 at most once in 20."""
 ANY = 10.0
 """Prior standard deviation of the mean of that logarithm: a factor of e^10 either way."""
 LOG_MEAN, LOG_VARIANCE = -float(np.euler_gamma + np.log(2.0)), float(np.pi**2 / 2.0)
@@ -90,12 +86,12 @@ def noise_level(
     # overestimate the noise: repeats if a disturbance enters, rests if it is present there too, the spectrum if fast
     # motion is missing. The noise of a sensor in a rig is seldom smaller than its data sheet says.
     found: dict[NoiseSource, float] = {}
-    if repeats is not None and repeats.first.size >= FEWEST:
+    if repeats is not None and repeats.first.size >= FEWEST_SAMPLES:
         together = np.concatenate(residuals)
         apart = (together[repeats.first] - together[repeats.second]) / np.sqrt(2)
         found[NoiseSource.REPEATS] = _white([apart], 0.0)
     resting = [piece for e, u in zip(residuals, commands, strict=False) for piece in _at_rest(e, u, sample_time)]
-    if sum(piece.size for piece in resting) >= FEWEST:
+    if sum(piece.size for piece in resting) >= FEWEST_SAMPLES:
         found[NoiseSource.RESTS] = _white([np.concatenate([piece - piece.mean() for piece in resting])], 0.0)
     found[NoiseSource.TOP_OF_SPECTRUM] = _white(residuals, TOP_OF_SPECTRUM)
     # Readings in coarse steps may be constant at rest; an estimate of 0 is ignored.
@@ -124,7 +120,7 @@ def noise_levels(
     # more than the share to which that is known.
     bends = np.concatenate([_bends(residual) for residual in residuals])
     known = np.flatnonzero(np.isfinite(bends) & (bends != 0.0))  # readings in coarse steps may lie exactly on a cubic
-    if known.size < FEWEST:
+    if known.size < FEWEST_SAMPLES:
         return None
     logs = np.log(bends[known] ** 2) - LOG_MEAN
     fits = [_with_signal(logs, np.concatenate(signal), known) for signal in signals]
@@ -132,7 +128,7 @@ def noise_levels(
     variances = np.maximum(variances, least**2)
     seen = np.isfinite(np.concatenate(residuals))
     harmonic = 1.0 / float(np.mean(1.0 / variances[seen]))
-    if gained - np.log(len(fits)) <= SURE or np.mean(variances[seen]) < (1.0 + PRACTICAL_SHARE) * harmonic:
+    if gained - np.log(len(fits)) <= STRONG or np.mean(variances[seen]) < (1.0 + PRACTICAL_SHARE) * harmonic:
         return None
     louder = variances > np.median(variances[known])
     if not all(_is_white(bends, some & np.isfinite(bends)) for some in (louder, ~louder)):
@@ -198,7 +194,7 @@ def rests(command: np.ndarray, sample_time: float) -> np.ndarray:
 
 
 def _at_rest(residual: np.ndarray, command: np.ndarray, sample_time: float) -> list[np.ndarray]:
-    return [residual[run] for run in runs(rests(command, sample_time)) if run.size >= FEWEST // 4]
+    return [residual[run] for run in runs(rests(command, sample_time)) if run.size >= FEWEST_SAMPLES // 4]
 
 
 def _white(pieces: Sequence[np.ndarray], above: float) -> float:

@@ -15,6 +15,7 @@ from deatwin.ident.greybox.parts import Part, settled
 from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.quality import suspects
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
+from deatwin.ident.mismatch.thresholds import NEGLIGIBLE, PRACTICAL_SHARE
 from deatwin.ident.soundness import noise_of_bends, resolution, runs
 from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.checks import experiment_for, require_excitation, require_samples
@@ -30,14 +31,10 @@ Masks = tuple[tuple[np.ndarray, ...], ...]
 UNSEEN_SHARE = 0.3
 """Share of each record, at its end, that is held out from every fit until verification."""
 FEWEST_PER_PARAMETER = 20
-FEWEST_FAULTY, FAULTY_SHARE = 10, 1e-3
-"""Number of faulty samples, and their share of all samples, that no sound recording exceeds."""
-FEWEST_SOUND = 0.1
-"""Share of sound samples below which nothing is left out: the verdict is then on the recordings, whatever the fit."""
+FEWEST_FAULTY = 10
+"""Number of faulty samples that no sound recording exceeds, unless they are a negligible share of all samples."""
 MOST_STRETCHES = 6
 """Largest number of stretches that are listed one by one in a line; nobody reads more."""
-COARSE = 0.1
-"""Share of the noise variance that steps of the readings may add (their square over 12) before they are reported."""
 
 
 class Soundness(Enum):
@@ -132,7 +129,7 @@ class DataQuality(Described):
         If more than 90 % of the samples are faulty, the marks are those of ``settled``, because a fit needs samples.
         """
         everything = [mask for masks in self.sound for mask in masks]
-        if sum(int(m.sum()) for m in everything) >= FEWEST_SOUND * sum(m.size for m in everything):
+        if sum(int(m.sum()) for m in everything) >= PRACTICAL_SHARE * sum(m.size for m in everything):
             return tuple(
                 tuple(mask & ~out for mask, out in zip(*pair, strict=True))
                 for pair in zip(self.sound, self._left_out(""), strict=True)
@@ -186,7 +183,7 @@ class DataQuality(Described):
         """``FAULTY`` if more than ten samples, and more than 0.1 % of all samples, are stuck or outliers."""
         masks = [mask for masks in self.sound for mask in masks]
         bad, total = sum(int((~m).sum()) for m in masks), sum(m.size for m in masks)
-        return Soundness.FAULTY if bad > max(FEWEST_FAULTY, FAULTY_SHARE * total) else Soundness.SOUND
+        return Soundness.FAULTY if bad > max(FEWEST_FAULTY, NEGLIGIBLE * total) else Soundness.SOUND
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -432,7 +429,7 @@ def _first_late(samples: np.ndarray) -> int:
 
 def _coarse(name: str, record: Recording) -> list[str]:
     step, noise = resolution(record.outputs[0]), noise_of_bends(record.outputs[0])
-    if step**2 / 12.0 <= COARSE * noise**2:
+    if step**2 / 12.0 <= PRACTICAL_SHARE * noise**2:
         return []
     unit, size = written_amplitude(record.output_units[0])
     return [f"{name}: the readings are quantised in steps of {step / size:.3g} {unit}".rstrip()]

@@ -8,27 +8,20 @@ from itertools import pairwise
 
 import numpy as np
 
+from deatwin.ident.mismatch.thresholds import (
+    ACCURACY,
+    DEVIATIONS,
+    MOST_WINDOWS,
+    MOVES,
+    PRACTICAL_SHARE,
+    SETTLING_SECONDS,
+    STRETCHES,
+    WINDOW_SECONDS,
+)
 from deatwin.ident.soundness import samples_in
 
-WINDOW_SECONDS = 2.0
-"""Shortest length of equal commands that counts as a repeat, s."""
-SETTLING_SECONDS = 1.0
-"""Part at the beginning of a repeat that is left out, because the plant still shows what came before, s."""
-SAME = 1e-6
-"""Largest difference between commands that count as equal, as a share of the command's range."""
 SUMS = 4.0
 """Largest difference between sums of equal commands with standard normal weights, in standard deviations."""
-MOST_RETURNS = 2000
-"""Largest number of windows with nearly equal sums among which the next return of a window is searched."""
-MOVES = 0.02
-"""Share of the command's range that a window must cover: a constant command would repeat at every shift."""
-SHORTEST_SECONDS = 4.0
-"""Total length of repeats below which nothing is concluded from them."""
-BLOCKS = 20
-"""Number of blocks into which the pairs are divided for the jackknife."""
-BOUND = 2.0
-"""Half width of the interval of the share, in standard deviations of the jackknife, which somewhat underestimates the
-true scatter."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +68,7 @@ def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats 
     if starts.size < 2:
         return None
     marks = np.concatenate([_marks((c - values.min()) / span, width) for c in long_enough])[moving]
-    again = _next_returns(marks, SUMS * SAME * np.sqrt(width))
+    again = _next_returns(marks, SUMS * ACCURACY * np.sqrt(width))
     return _pairs(starts[again >= 0], starts[again[again >= 0]], width, settling, sample_time)
 
 
@@ -99,7 +92,7 @@ def _next_returns(marks: np.ndarray, tolerance: float) -> np.ndarray:
     count = len(marks)
     order = np.argsort(marks[:, 0], kind="stable")
     again = np.full(count, count)
-    for apart in range(1, min(count, MOST_RETURNS)):
+    for apart in range(1, min(count, MOST_WINDOWS)):
         here, there = order[:-apart], order[apart:]
         near = marks[there, 0] - marks[here, 0] < tolerance
         if not near.any():
@@ -123,7 +116,7 @@ def _pairs(first: np.ndarray, second: np.ndarray, width: int, settling: int, sam
     found = Repeats(first=np.concatenate(here), second=np.concatenate(there), run=np.concatenate(run))
     # Stretches with different returns may overlap, by at most a window; each sample is kept only once.
     kept = np.unique(found.first, return_index=True)[1]
-    if kept.size < max(2 * BLOCKS, SHORTEST_SECONDS / sample_time):
+    if kept.size < max(2 * STRETCHES, 2 * WINDOW_SECONDS / sample_time):
         return None
     return Repeats(first=found.first[kept], second=found.second[kept], run=found.run[kept])
 
@@ -132,7 +125,7 @@ def repeatability(residual: np.ndarray, repeats: Repeats, noise: float) -> Repea
     """Compare a residual, (n,), with itself where the command repeats; `noise` is in the residual's unit."""
     # The bounds come from a jackknife over twenty blocks of pairs.
     one, other = (_less_means(residual[k], repeats.run) for k in (repeats.first, repeats.second))
-    blocks = np.minimum(np.arange(one.size) * BLOCKS // one.size, BLOCKS - 1)
+    blocks = np.minimum(np.arange(one.size) * STRETCHES // one.size, STRETCHES - 1)
     products = np.bincount(blocks, weights=one * other)
     squares = np.bincount(blocks, weights=(one**2 + other**2) / 2)
     counts = np.bincount(blocks)
@@ -147,8 +140,8 @@ def repeatability(residual: np.ndarray, repeats: Repeats, noise: float) -> Repea
         pairs=one.size,
         correlation=float(cross / square) if square > 0 else 0.0,
         share=share,
-        low=share - BOUND * deviation,
-        high=share + BOUND * deviation,
+        low=share - DEVIATIONS * deviation,
+        high=share + DEVIATIONS * deviation,
         within=within,
         explainable=max(0.0, 1 - within / total) if total > 0 else 0.0,
     )
@@ -156,7 +149,7 @@ def repeatability(residual: np.ndarray, repeats: Repeats, noise: float) -> Repea
 
 def _share(cross: np.ndarray | float, square: np.ndarray | float, noise: float) -> np.ndarray:
     """Return covariance over variance beyond noise, of which at least a tenth of the noise's variance is assumed."""
-    return np.asarray(cross / np.maximum(np.asarray(square) - noise**2, 0.1 * noise**2))
+    return np.asarray(cross / np.maximum(np.asarray(square) - noise**2, PRACTICAL_SHARE * noise**2))
 
 
 def _less_means(values: np.ndarray, run: np.ndarray) -> np.ndarray:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import expit
 
+from deatwin.ident.mismatch.thresholds import ACCURACY, LOUDER, MOST, MOVES, NEARLY_ALL, ROUNDING, SETTLING_SECONDS
 from deatwin.ident.soundness import (
     RISE_SAMPLES,
     at_limit,
@@ -15,32 +17,14 @@ from deatwin.ident.soundness import (
 )
 from deatwin.plant.recording import Recording
 
-STUCK_SECONDS = 1.0
-MOVES = 0.02
-"""Share of the command's range above which the command moves, so that a sound reading cannot stay constant."""
 SPIKE_DEVIATIONS = 12.0
 """Distance of a spike from its neighbours' cubic, in standard deviations; a normal reading is so far off once in 10^32
 samples."""
 SIDE = 25
 """Number of samples on each side of a spike from which the local noise is estimated; 25 give its standard deviation to
 within 14 %."""
-ROUNDS, FURTHEST = 30, 1000.0
-"""Number of iterations in which the share of usual values converges, and limit for the squares of normalised
-deviations, beyond which a value certainly belongs to the louder noise."""
-MOSTLY, TWICE = 0.5, 2.0
-"""Share of the values beside an outlier that must be usual, and smallest ratio of a burst's noise to usual noise."""
-LONE = 0.5
-"""Largest deviation of a spike's neighbours once the spike is replaced, as a share of the spike; a ringing film exceeds
-it."""
-STILL = 1e-9
-"""Share of the readings' range below which the distance from the neighbours' cubic is only rounding: the reading is
-constant."""
-STILL_SAMPLES = 10
-"""Number of constant readings in a row that is no coincidence, even if readings come in coarse steps."""
-QUIET_SECONDS = 1.0
-"""Time after a jump of the command, s, in which readings are not called spikes, because the film rings."""
-FROZEN = 0.9
-"""Share of the command's range over which a constant reading is stuck even if a limit or friction could explain it."""
+ROUNDS = 30
+"""Number of iterations in which the share of usual values converges."""
 NEAR_STEPS = 3
 """Largest difference between readings in coarse steps that follow one another in slow motion, in such steps."""
 STEP_BENDS_LESS = 0.85
@@ -49,9 +33,6 @@ large beside a spike."""
 LETS_GO = 0.1
 """Time after a jump of the command, s, but at least three samples, within which inertia lets a plant held by friction
 move. A faulty sensor recovers at any time."""
-HOLDS = 0.9
-"""Share of the other readings under the same commands that must be constant if friction holds the plant there; the rest
-allows for a late rest."""
 BY_CHANCE = 1e-9
 """Probability of a run of equal readings below which it is no coincidence, however long the recording."""
 USUALLY = (0.1, 0.9)
@@ -71,7 +52,7 @@ def stuck(record: Recording) -> np.ndarray:
     usual = reading[~spikes(reading)]
     ends, near = (usual.max(), usual.min()), NEAR_STEPS * resolution(usual)
     mask = np.zeros(reading.size, dtype=bool)
-    shortest = samples_in(STUCK_SECONDS, record.sample_time)
+    shortest = samples_in(SETTLING_SECONDS, record.sample_time)
     equal, leaps = np.diff(reading) == 0.0, np.append(jumps(reading), False)
     by_chance = min(shortest, max(RISE_SAMPLES, _longest_by_chance(equal)))
     ways = np.array([np.ptp(command[run[0] : run[-1] + 2]) for run in runs(equal)])
@@ -89,7 +70,8 @@ def stuck(record: Recording) -> np.ndarray:
             or _may_be_held(reading, command, record.sample_time, (first, last), near)
             or (_is_likely(ways, number) and _slips(reading, command, record.sample_time, (first, last)))
         )
-        if moved > (FROZEN if sound else MOVES):
+        # Over nearly all of the command's range neither a limit nor friction explains a constant reading.
+        if moved > (NEARLY_ALL if sound else MOVES):
             mask[first:last] = True
     return mask
 
@@ -118,7 +100,7 @@ def _slips(reading: np.ndarray, command: np.ndarray, sample_time: float, run: tu
     recent = np.lib.stride_tricks.sliding_window_view(np.pad(speed, (delay, 0)), delay + 1).max(axis=1)
     steps = np.abs(np.diff(reading, prepend=reading[0]))
     others = steps[(steps > 0.0) & (recent <= recent[last])]
-    return bool(np.mean(others >= steps[last] / 2) > 1 - HOLDS)
+    return bool(np.mean(others >= steps[last] / 2) > 1 - NEARLY_ALL)
 
 
 def _may_be_held(
@@ -129,7 +111,7 @@ def _may_be_held(
     # run, which are too small to overcome friction, it must also be held, within `near`, after a second to come to
     # rest.
     first, last = run
-    delay, settling = max(3, round(LETS_GO / sample_time)), samples_in(STUCK_SECONDS, sample_time)
+    delay, settling = max(3, round(LETS_GO / sample_time)), samples_in(SETTLING_SECONDS, sample_time)
     step = np.abs(np.diff(command[max(last - delay - 1, 0) : last + 1]))
     leapt = np.flatnonzero(step > MOVES * np.ptp(command))
     if last < reading.size and leapt.size == 0:
@@ -141,7 +123,7 @@ def _may_be_held(
     within[first:last] = False
     others = [reading[rows[settling:]] for rows in runs(within) if rows.size > settling]
     stands = [np.abs(values - np.median(values)) <= near for values in others]
-    return not stands or bool(np.concatenate(stands).mean() > HOLDS)
+    return not stands or bool(np.concatenate(stands).mean() > NEARLY_ALL)  # the plant may come to rest late
 
 
 def held(
@@ -152,7 +134,7 @@ def held(
     # then, or never. A jump that is larger than any motion of plant and reading within a sample is no motion. A smaller
     # one may be: the plant's motion of the last second may come late, or friction may have held it.
     mask, known = np.zeros(reading.size, dtype=bool), np.flatnonzero(np.isfinite(reading))
-    shortest = samples_in(STUCK_SECONDS, sample_time)
+    shortest = samples_in(SETTLING_SECONDS, sample_time)
     if known.size < shortest:
         return mask
     filled = np.interp(np.arange(reading.size), known, reading[known])
@@ -177,7 +159,7 @@ def held(
         jumped = np.isin((first - 1, first), returns).any()
         at_end = not jumped and any(abs(value - end) <= far for end in ends)
         if is_fault or (
-            np.ptp(command[missed]) > (FROZEN if at_end else MOVES) * np.ptp(command)
+            np.ptp(command[missed]) > (NEARLY_ALL if at_end else MOVES) * np.ptp(command)
             and not _may_be_held(filled, command, sample_time, (first, int(back)), far / 2)
         ):
             mask[first:back] = True
@@ -208,7 +190,8 @@ def spikes(signal: np.ndarray) -> np.ndarray:
     around = np.pad(deviation, 1)
     peak = (deviation >= around[:-2]) & (deviation >= around[2:])
     typical = _typical(deviation, signal)
-    found = peak & (deviation > SPIKE_DEVIATIONS * typical) & (_beside(bend) < LONE * deviation)
+    # A ringing film leaves more at the neighbours.
+    found = peak & (deviation > SPIKE_DEVIATIONS * typical) & (_beside(bend) < MOST * deviation)
     others = np.flatnonzero(~found)
     return _isolated(found, _bends(np.interp(np.arange(signal.size), others, signal[others])), typical)
 
@@ -223,19 +206,18 @@ def _isolated(far: np.ndarray, bend: np.ndarray, typical: float) -> np.ndarray:
     alone, squares = far.copy(), bend**2 / typical**2
     for place in np.flatnonzero(far):
         sides = squares[max(place - SIDE, 0) : place], squares[place + 1 : place + 1 + SIDE]
-        alone[place] = all(_usual_share(side) > MOSTLY for side in sides if side.size)
+        alone[place] = all(_usual_share(side) > MOST for side in sides if side.size)
     return alone
 
 
 def _usual_share(squares: np.ndarray) -> float:
     """Return the share of values, with `squares` (k,), that are standard normal if the others have a larger deviation."""
     # Share and larger deviation are maximum-likelihood estimates, by expectation-maximisation.
-    share, larger = 0.5, max(float(squares.mean()), TWICE**2)
+    share, larger = 0.5, max(float(squares.mean()), LOUDER**2)
     for _ in range(ROUNDS):
-        odds = (1 / share - 1) / np.sqrt(larger) * np.exp((1 - 1 / larger) * np.minimum(squares, FURTHEST) / 2)
-        usual = 1 / (1 + odds)
-        share = float(np.clip(usual.mean(), 1e-6, 1 - 1e-6))
-        larger = max(float((1 - usual) @ squares / (1 - usual).sum()), TWICE**2)
+        usual = expit(np.log(np.sqrt(larger) * share / (1 - share)) - (1 - 1 / larger) * squares / 2)
+        share = float(np.clip(usual.mean(), ACCURACY, 1 - ACCURACY))
+        larger = max(float((1 - usual) @ squares / (1 - usual).sum()), LOUDER**2)
     return share
 
 
@@ -261,8 +243,8 @@ def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
     """Return the standard deviation implied by the median absolute deviation, at least half a step of coarse readings."""
     # Constant readings contain no information about the noise.
     moves = np.ones(deviation.size, dtype=bool)
-    for still in runs(deviation <= STILL * np.ptp(signal)):
-        moves[still] = still.size < STILL_SAMPLES
+    for still in runs(deviation <= ROUNDING * np.ptp(signal)):
+        moves[still] = still.size < RISE_SAMPLES
     median = float(np.median(deviation[moves])) if moves.any() else 0.0
     return max(1.4826 * median, resolution(signal) / 2) + 1e-15
 
@@ -281,7 +263,7 @@ def quiet(record: Recording) -> np.ndarray:
     step = np.diff(command, prepend=command[0])
     bend = np.diff(step, prepend=0.0)
     quiet = np.ones(command.size, dtype=bool)
-    ring = samples_in(QUIET_SECONDS, record.sample_time)
+    ring = samples_in(SETTLING_SECONDS, record.sample_time)
     for change in (np.abs(step), np.abs(bend)):
         # Jumps between holds may be smaller than the changes of a noise-like command within a sample or two, so the
         # limit is relative to the usual change.

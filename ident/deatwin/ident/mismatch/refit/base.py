@@ -19,6 +19,7 @@ from deatwin.ident.mismatch.refit.search import (
     approach,
     at_its_time,
     finish,
+    free_run_rms,
     opening,
     roughly,
     settle,
@@ -41,9 +42,6 @@ linearised minimum, may come to be fitted to all data."""
 FEWER = 4
 """Number of stages with which candidates are simulated, if that is as good as the plant's own number: vectors of the
 processor hold four stages, so a simulation takes a third less time than with five."""
-UNSEEN = 1.0
-"""Largest sum of the squared changes of the calibrated plant's readings, in units of the noise, that fewer stages may
-cause; a log-likelihood then changes by one nat (standard deviation)."""
 MORE_STARTS, SPREAD = 2, 0.2
 """Number of further starts, and relative standard deviation of their parameters: typical errors of elastomers' data
 sheets."""
@@ -170,11 +168,12 @@ def calibrate_base(problem: DiagnosisProblem) -> Base:
 
 def enough_stages(problem: DiagnosisProblem, base: Base) -> int:
     """Return the number of stages with which candidates are simulated: few, if that does not change the readings."""
+    # A log-likelihood then changes by at most one nat (standard deviation).
     plant = base.chosen.calibration.plant
     few = min(FEWER, plant.stages)
     if few < plant.stages and plant.rig.equations_known:
         usual, fast = (free_run_residuals(replace(plant, stages=n), problem.fitted) for n in (plant.stages, few))
-        if usual is None or fast is None or np.sum((fast - usual) ** 2) > UNSEEN * base.noise**2:
+        if usual is None or fast is None or np.sum((fast - usual) ** 2) > base.noise**2:
             return plant.stages
     return few
 
@@ -192,7 +191,8 @@ def _other_forms(problem: DiagnosisProblem, first: Candidate | None) -> list[Can
     """Return the other rig variants that can be simulated and fit the openings about as well as the file's own."""
     variants = [problem.nominal.with_rig(rig) for rig in problem.nominal.rig.rivals()]
     near = run_jobs(approach, [(variant, problem.fitted) for variant in variants], workers=problem.jobs)
-    limit = np.inf if first is None else OPENS_AS_WELL * _opening_rms(first.calibration.plant, problem)
+    openings = [opening(part, OPENING_SAMPLES) for part in problem.fitted]
+    limit = np.inf if first is None else OPENS_AS_WELL * free_run_rms(first.calibration.plant, openings)
     running = [fit.plant for fit in near if fit.status.ok and fit.within_reach < limit]
     floor = problem.nominal.rig.noise if first is None else first.noise
     fits = run_jobs(settle, [(variant, problem.fitted, floor) for variant in running], workers=problem.jobs)
@@ -244,12 +244,6 @@ def _preferred(usable: Sequence[Candidate]) -> Candidate:
         return usable[0]
     sound = [c for c in usable if c.adequate] or [c for c in usable if not c.mismatch]
     return sound[0] if sound else usable[0]
-
-
-def _opening_rms(plant: Plant, problem: DiagnosisProblem) -> float:
-    openings = [opening(part, OPENING_SAMPLES) for part in problem.fitted]
-    residuals = free_run_residuals(plant, openings)
-    return float(np.inf) if residuals is None else float(np.sqrt(np.mean(residuals**2)))
 
 
 def _cannot_simulate(plant: Plant, parts: Sequence[Part]) -> SimulationError:

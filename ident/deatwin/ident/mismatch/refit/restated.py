@@ -9,10 +9,11 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.parts import free_run_residuals
-from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, DATA_SHEET
+from deatwin.ident.mismatch.likelihood.beforehand import DATA_SHEET
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.problem import DiagnosisProblem
-from deatwin.ident.mismatch.refit.search import DECIDING, EVALUATIONS
+from deatwin.ident.mismatch.refit.search import EVALUATIONS
+from deatwin.ident.mismatch.thresholds import ACCURACY, FEW, NEGLIGIBLE
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.rigs.base import Rig
 
@@ -25,8 +26,6 @@ STEP, SETTLED = 0.01, 1e-4
 """Change of the logarithm for a difference quotient, and the step at which it counts as found."""
 ROUNDS = 8
 """Largest number of steps."""
-TRIED = 3
-"""Number of stated numbers that are fitted, the most promising ones; another geometry must be compiled anew."""
 
 
 def stated_numbers(rig: Rig) -> Mapping[str, float]:
@@ -43,7 +42,7 @@ def restated(problem: DiagnosisProblem, base: Candidate) -> Iterator[Candidate]:
         return
     steps = {name: _step(fit, problem, name) for name in stated_numbers(fit.plant.rig)}
     promising = sorted((left, name) for name, (_, left) in steps.items() if left < fit.rms)
-    for _, name in promising[:TRIED]:
+    for _, name in promising[:FEW]:
         found = _fitted(fit, problem, name, steps[name][0])
         candidate = None if found is None else judge(problem, found, base.noise)
         if candidate is not None and candidate.with_floor(error).adequate:
@@ -69,7 +68,7 @@ def _with_number(fit: Calibration, problem: DiagnosisProblem, name: str, factor:
     """Calibrate the plant with one stated number multiplied by a factor."""
     rig = fit.plant.rig
     changed = fit.plant.with_rig(replace(rig, **{name: factor * getattr(rig, name)}))
-    return descend(changed, problem.fitted, evaluations=EVALUATIONS, tolerance=DECIDING)
+    return descend(changed, problem.fitted, evaluations=EVALUATIONS, tolerance=NEGLIGIBLE)
 
 
 def _step(fit: Calibration, problem: DiagnosisProblem, name: str) -> tuple[float, float]:

@@ -10,6 +10,8 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.parts import Part, free_run_residuals, reading_times
+from deatwin.ident.mismatch.thresholds import ACCURACY, NEGLIGIBLE
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Scale
 
@@ -25,10 +27,8 @@ TO_COMPARE: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH}
 """Largest number of simulations, and tolerance, of a fit that is compared with others and may not be completed."""
 ROUGHLY: Mapping[str, Any] = {**TO_COMPARE, "foreseen": FORESEEN}
 """Options of a rough fit."""
-DECIDING = 1e-3
-"""Relative change of the squared residual that affects no decision: a tenth of a nat in a hundred blocks."""
-SETTLED, EVALUATIONS = 1e-6, 60
-"""Tolerance and largest number of simulations of a final fit, which ends within a tenth of a standard deviation."""
+EVALUATIONS = 60
+"""Largest number of simulations of a final fit, which ends within a tenth of a standard deviation."""
 ROUNDS = 4
 """Largest number of restarts from the end of a fit."""
 EVENT_STEP = 0.02
@@ -36,8 +36,6 @@ EVENT_STEP = 0.02
 FINEST = 1 / 8
 """Last step of that search, as a share of a sample. A jump of six times the noise shows its time to 0.17 samples,
 because a single sample depends on it."""
-SAME = 1e-6
-"""Share of a sample within which two times of an event count as equal."""
 AROUND = 4
 """Number of samples on either side of a minimum that are searched for a lower one, because noise makes the residual
 rough."""
@@ -75,11 +73,11 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
     # full size until that gains nothing.
     found = rough
     for _ in range(ROUNDS):
-        again = further(found, parts, tolerance=DECIDING)
+        again = further(found, parts, tolerance=NEGLIGIBLE)
         if not again.status.ok:
             break
         spent = found.evaluations + again.evaluations - 1  # both fits count the simulation that they share
-        settled, found = again.rms**2 >= (1.0 - DECIDING) * found.rms**2, replace(again, evaluations=spent)
+        settled, found = again.rms**2 >= (1.0 - NEGLIGIBLE) * found.rms**2, replace(again, evaluations=spent)
         if settled:
             break
     return found
@@ -150,7 +148,7 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
             plant = _moved(plant, name, everything, gap)
     if plant is fit.plant:
         return fit
-    moved = descend(plant, fitted, tolerance=DECIDING)
+    moved = descend(plant, fitted, tolerance=NEGLIGIBLE)
     return finish(moved, fitted) if moved.status.ok else fit
 
 
@@ -170,7 +168,7 @@ def gap_around(
 def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:
     """Fit a plant to all sound samples, after the verdict; return the given fit if that fails."""
     placed = at_its_time(found, everything)
-    final = descend(placed.plant, everything, evaluations=EVALUATIONS, tolerance=SETTLED)
+    final = descend(placed.plant, everything, evaluations=EVALUATIONS, tolerance=ACCURACY)
     return final if final.status.ok else found
 
 
@@ -192,7 +190,7 @@ def _moved(
     while True:
         offsets = (-step, step) if step > FINEST * sample else around
         places = [best.parameters[name].value + offset for offset in offsets]
-        new = [at for at in places if first < at < last and np.abs(np.subtract(seen, at)).min() > SAME * sample]
+        new = [at for at in places if first < at < last and np.abs(np.subtract(seen, at)).min() > ACCURACY * sample]
         seen += new
         tried = [best.with_values({name: at}) for at in new]
         losses = [_squares(other, parts) for other in tried]
@@ -205,6 +203,12 @@ def _moved(
             return best
         else:
             step /= 2
+
+
+def free_run_rms(plant: Plant, parts: Sequence[Part]) -> float:
+    """Return the rms free-run residual of a plant; infinite if it cannot be simulated."""
+    residuals = free_run_residuals(plant, parts)
+    return float(np.inf) if residuals is None else root_mean_square(residuals)
 
 
 def _squares(plant: Plant, parts: Sequence[Part]) -> float:

@@ -17,12 +17,9 @@ from scipy.special import stdtrit
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
+from deatwin.ident.mismatch.thresholds import PRACTICAL_SHARE, STRETCHES
 from deatwin.plant.datasets import Metadata, variable
 
-WHOLE = 1.0
-"""Relative change of a strength that refutes an effect; a slightly different law causes a smaller change."""
-STRETCHES = 20
-"""Number of stretches from which a standard deviation is estimated; each is longer than most correlation times."""
 SURELY = float(stdtrit(STRETCHES - 1, 0.975))
 """Half width of a 95 % interval, in standard deviations."""
 BEYOND_DOUBT = 7.0
@@ -31,9 +28,6 @@ recordings. A slightly different law may exceed it, so the change must also remo
 MOST = 0.75
 """Share of the residual's power beyond noise that the change must remove. In recordings with known causes, it removed
 at most two fifths for right causes, and at least five sixths for clocks that ran late."""
-OWN = 0.1
-"""Smallest share of the change's power that no parameter can imitate. With a smaller share, a law error of a tenth of
-the effect would be magnified to the whole effect."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,9 +35,7 @@ class Constancy:
     """Change of the strength of one effect from the beginning to the end of the fitted data."""
 
     effect: str
-    own: float = field(
-        metadata=variable(about="share of the power of this change that no parameter can imitate")
-    )  # from 0 to 1
+    own: float = field(metadata=variable(about="share of the power of this change that no parameter can imitate"))
     # To first order; None if `own` is too small
     change: float | None = field(
         default=None,
@@ -61,12 +53,12 @@ class Constancy:
     @property
     def holds(self) -> bool:
         """Return whether the strength does not certainly change by more than itself."""
-        # If the change would correct the explanation, it must not differ from zero beyond doubt.
+        # A slightly different law causes a smaller change. If the change would correct the explanation, it must not differ from zero beyond doubt.
         if self.change is None or self.deviation is None:
             return True
         if self.mends and abs(self.change) > BEYOND_DOUBT * self.deviation:
             return False
-        return abs(self.change) - SURELY * self.deviation <= WHOLE
+        return abs(self.change) - SURELY * self.deviation <= 1.0
 
 
 def constancies(
@@ -105,7 +97,8 @@ def _constancy(
     free, whole = taken_off(change, basis), float(change @ change)
     power = float(free @ free)
     own = min(power / whole, 1.0) if whole > 0.0 else 0.0
-    if own < OWN:
+    # With a smaller share, a law error of a tenth of the effect would be magnified to the whole effect.
+    if own < PRACTICAL_SHARE:
         return Constancy(effect=effect, own=own)
     half = float(free @ fit.residuals) / power
     taken = half**2 * power / free.size

@@ -17,22 +17,14 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
+from deatwin.ident.mismatch.thresholds import ACCURACY, CLEARLY_LESS, MOST
 from deatwin.plant.datasets import Metadata, variable
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
-DISTINCT = 0.5
-"""Share of the true effect that a placebo effect may imitate; one that would imitate more is skipped, as it shows
-nothing."""
-AS_GOOD = 0.8
-"""Share of the named effect's gain above which a placebo effect is as good."""
-NEARLY_LINEAR = 0.5
-"""Smallest first-order gain, as a share of the refit's gain, for which changes of the readings may be added."""
 DRAWS = 19
 """Number of sets of random phases; chance alone exceeds the best of 19 in 5 % of all cases."""
-RESOLVED = 1e-6
-"""Relative singular value below which a direction of the parameters is ignored."""
 
 
 class PlaceboKind(Enum):
@@ -67,7 +59,7 @@ class Placebo:
     @property
     def rejected(self) -> bool:
         """Return whether it explains less than the effect, as it should; also true if it was skipped."""
-        return self.share is None or self.share < AS_GOOD
+        return self.share is None or self.share < CLEARLY_LESS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,7 +71,7 @@ class _Court:
 
     def left(self, change: np.ndarray) -> np.ndarray:
         """Return the remainder of a change, everywhere, after a first-order refit to the fitted data."""
-        solution = np.linalg.lstsq(self.jacobian[self.fitted], change[self.fitted], rcond=RESOLVED)[0]
+        solution = np.linalg.lstsq(self.jacobian[self.fitted], change[self.fitted], rcond=ACCURACY)[0]
         return change - self.jacobian @ solution
 
     def gain(self, by: np.ndarray, of: np.ndarray) -> float:
@@ -131,14 +123,14 @@ class _Case:
     def _best(self, kind: PlaceboKind, changes: Sequence[np.ndarray], at_least: float) -> Placebo:
         """Judge the best of several placebo effects that differ from the effect, whose gain is at least `at_least`, SI."""
         own, whole = (self.court.gain(self.named, of) for of in (self.mismatch, self.named))
-        if own < NEARLY_LINEAR * self.gain:
+        if own < MOST * self.gain:
             return self.skipped(kind, "the readings do not change linearly with the effect")
         placebos, against = [self.court.left(change) for change in changes], max(own, at_least)
         pairs = [
             (self.court.gain(placebo, self.mismatch) / against, self.court.gain(placebo, self.named) / whole)
             for placebo in placebos
         ]
-        distinct = [pair for pair in pairs if pair[1] <= DISTINCT]
+        distinct = [pair for pair in pairs if pair[1] <= MOST]
         if 2 * len(distinct) <= len(pairs):
             return self.skipped(kind, "with these inputs the placebo hardly differs from the real effect")
         share, expected = max(distinct)

@@ -9,9 +9,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, block_losses, bootstrap_gain
+from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.thresholds import BLOCK_SAMPLES
 from deatwin.plant.datasets import Metadata, variable
 from deatwin.plant.recording import label
 

@@ -16,16 +16,17 @@ from deatwin.ident.mismatch.intervals import perhaps_absent, with_own_errors
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.clocks import of_one_clock
-from deatwin.ident.mismatch.naming.criteria import MOST
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.fitted import fitted_effect
 from deatwin.ident.mismatch.refit.search import refit, settle
 from deatwin.ident.mismatch.result import Ablation
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
+from deatwin.ident.mismatch.thresholds import MOST, TINY
 from deatwin.ident.mismatch.verify.constancy import Constancy, constancies
 from deatwin.ident.mismatch.verify.placebos import Placebo, placebo_effects
 from deatwin.ident.mismatch.verify.transfer import transfers
 from deatwin.ident.mismatch.verify.verification import Verification
+from deatwin.plant.arrays import root_mean_square
 
 if TYPE_CHECKING:
     from deatwin.ident.greybox.fit import Calibration
@@ -65,8 +66,8 @@ def verify(
     return Verification(
         fitted_before=base.calibration.rms,
         fitted_after=amended.calibration.rms,
-        unseen_before=_rms(base.unseen),
-        unseen_after=_rms(amended.unseen),
+        unseen_before=root_mean_square(base.unseen),
+        unseen_after=root_mean_square(amended.unseen),
         gain_low=bootstrap_gain(block_losses(base.unseen), block_losses(amended.unseen), rng),
         ablations=tuple(_ablation(name, base, amended, without, rng) for name, without in reduced.items()),
         shams=() if problem is None else _placebos(amended, reduced, problem, rng),
@@ -86,11 +87,12 @@ def shares_explained(base: Candidate, amended: Candidate, tried: Sequence[Candid
     # It is the power that returns if the effect is removed and the others are refitted, relative to the base plant's
     # power beyond noise. The share of a single effect is that of the whole candidate.
     found = _reduced(base, amended, None, tried)
-    return {name: _share(base, amended, found.get(name, base), noise) for name in amended.effects}
+    return {name: share_of(base, amended, found.get(name, base), noise) for name in amended.effects}
 
 
-def _share(base: Candidate, amended: Candidate, without: Candidate, noise: float) -> float:
-    missing = max(float(base.losses.mean()) - noise**2, 1e-300)
+def share_of(base: Candidate, amended: Candidate, without: Candidate, noise: float) -> float:
+    """Return the share, from 0 to 1, of the base plant's power beyond noise that returns without some effects."""
+    missing = max(float(base.losses.mean()) - noise**2, TINY)
     return float(np.clip((without.losses.mean() - amended.losses.mean()) / missing, 0.0, 1.0))
 
 
@@ -119,9 +121,9 @@ def _ablation(name: str, base: Candidate, amended: Candidate, without: Candidate
     return Ablation(
         effect=name,
         fitted=without.calibration.rms,
-        unseen=_rms(without.unseen),
+        unseen=root_mean_square(without.unseen),
         gain_low=gain_low,
-        share=_share(base, amended, without, amended.noise),
+        share=share_of(base, amended, without, amended.noise),
         counts=_counts(without, amended, rng),
     )
 
@@ -177,7 +179,3 @@ def _placebos(
         gain = _gained_unseen(without, amended)
         found += placebo_effects(without.calibration, effect, gain, problem.fitted, problem.everything, rng)
     return tuple(found)
-
-
-def _rms(residual: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(residual**2)))

@@ -13,7 +13,7 @@ from scipy.stats import kstwobign
 
 from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.mismatch.detect.detect import detect, detect_in
-from deatwin.ident.mismatch.detect.law import LEVEL, Law
+from deatwin.ident.mismatch.detect.law import Law
 from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.null import Refit, _autoregression, colour
 from deatwin.ident.mismatch.detect.origin import Origin, origin_of, without_forms
@@ -23,6 +23,7 @@ from deatwin.ident.mismatch.naming.candidate import judge
 from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.quality.repeats import find_repeats
+from deatwin.ident.mismatch.thresholds import SIGNIFICANCE
 from deatwin.plant import Delay, Diaphragm, Plant, SensorDrift, SensorJump, records
 from deatwin.plant.excitation import band_limited_noise, random_holds
 
@@ -100,7 +101,7 @@ def slow(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def rejected(law: Law, residual: np.ndarray) -> bool:
-    return law.p_value(float(law.groups(law.battery(residual[None])).max())) < LEVEL
+    return law.p_value(float(law.groups(law.battery(residual[None])).max())) < SIGNIFICANCE
 
 
 # --- the theory of white noise -------------------------------------------------------------------------------------
@@ -473,7 +474,7 @@ def test_linearised_refits_are_as_good_as_full_ones():
         pieces.append(law.battery(np.concatenate([fit.residuals, late])[None]))
     groups = law.groups(Scores.stacked(pieces))
     largest = groups.max(axis=1)
-    assert np.mean([law.p_value(x) < LEVEL for x in largest]) <= 0.035  # seven of 200 come once in 200 at 1 %
+    assert np.mean([law.p_value(x) < SIGNIFICANCE for x in largest]) <= 0.035  # seven of 200 come once in 200 at 1 %
     for drawn, full in ((law.largest, largest), *zip(law.drawn.T, groups.T, strict=True)):
         for level in (0.5, 0.9):
             # the share of full refits beyond a quantile of the linearised ones, three binomial deviations of both

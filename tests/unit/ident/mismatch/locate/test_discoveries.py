@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from deatwin.ident.mismatch.locate.discoveries import FALSE_DISCOVERIES, discoveries
+from deatwin.ident.mismatch.locate.discoveries import discoveries
+from deatwin.ident.mismatch.thresholds import CHANCE
 
 
 def test_the_smallest_p_values_below_a_rising_limit_are_rejected():
@@ -11,7 +12,7 @@ def test_the_smallest_p_values_below_a_rising_limit_are_rejected():
     for _ in range(50):
         p = rng.uniform(size=20) ** 4
         ordered = np.sort(p)
-        below = np.flatnonzero(ordered <= FALSE_DISCOVERIES * np.arange(1, 21) / 20)
+        below = np.flatnonzero(ordered <= CHANCE * np.arange(1, 21) / 20)
         limit = ordered[below[-1]] if below.size else -1.0
         np.testing.assert_array_equal(discoveries(p), p <= limit)
 

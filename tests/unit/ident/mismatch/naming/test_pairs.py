@@ -9,9 +9,10 @@ from tests.unit.ident.mismatch.naming.conftest import Nominal
 
 from deatwin.ident.mismatch.naming import name
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming
+from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.pairs import _doubted, with_a_second, with_doubt
 from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.ident.mismatch.thresholds import STRONG
 
 CLIP, CREEP, PAIR = ("amplifier_saturation",), ("creep",), ("amplifier_saturation", "creep")
 

@@ -11,9 +11,9 @@ from scipy.stats import cauchy, norm
 
 from deatwin.ident.mismatch.likelihood.beforehand import AMPLITUDE, FAST, TIMING, pair_odds
 from deatwin.ident.mismatch.likelihood.structured import law
-from deatwin.ident.mismatch.naming.decide import STRONG
 from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.naming.weigh import OTHER, Scale
+from deatwin.ident.mismatch.thresholds import STRONG
 from deatwin.plant.effects.catalogue import effect_named
 
 TIMES = 0.02 * np.arange(1500)

@@ -8,7 +8,8 @@ from deatwin.ident.mismatch.likelihood.beforehand import PRIORS, TIMING, OwnErro
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior, Reading
 from deatwin.ident.mismatch.likelihood.scales import evidence
 from deatwin.ident.mismatch.likelihood.several import OwnErrors
-from deatwin.ident.mismatch.plan.seen import SURE, Change, distances, products, smallest
+from deatwin.ident.mismatch.plan.seen import Change, distances, products, smallest
+from deatwin.ident.mismatch.thresholds import CREDIBLE
 
 N, STEP, NOISE = 800, 0.02, 2e-6
 TIME = np.arange(N) * STEP
@@ -43,7 +44,7 @@ def test_the_smallest_strength_has_the_evidence_that_is_asked_for():
     strength = smallest(square, deviation, catalogue=28)
     expected = 0.5 * strength**2 * square - 0.5 * np.log1p(deviation**2 * square)
     posterior = np.exp(expected) * PRIORS[1] / 28 / PRIORS[0]
-    assert posterior / (1.0 + posterior) == pytest.approx(SURE, rel=1e-12)
+    assert posterior / (1.0 + posterior) == pytest.approx(CREDIBLE, rel=1e-12)
     assert np.isinf(smallest(0.0, deviation, catalogue=28))
 
 

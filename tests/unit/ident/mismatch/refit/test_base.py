@@ -39,7 +39,7 @@ def test_a_form_that_ran_out_of_simulations_is_judged_by_its_linear_model(monkey
     first = SimpleNamespace(adequate=False, calibration=SimpleNamespace(plant=None), noise=0.1)
     settled: list[str] = []
     monkeypatch.setattr(base, "_fitted_well", lambda problem, form: first)
-    monkeypatch.setattr(base, "_opening_rms", lambda plant, problem: 2.0)
+    monkeypatch.setattr(base, "free_run_rms", lambda plant, parts: 2.0)
     monkeypatch.setattr(base, "approach", lambda form, parts: openings[form])
     monkeypatch.setattr(base, "settle", lambda plant, parts, noise: settled.append(plant))
     monkeypatch.setattr(base, "_judged", lambda problem, fit: None)
