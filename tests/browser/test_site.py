@@ -1,6 +1,10 @@
-"""The site as a reader has it: on a screen and on a phone, light and dark, and on paper."""
+"""The site as a reader has it: on a screen and on a phone, light and dark, and on paper.
+
+It is built here, or was built in the folder that ``DEATWIN_SITE`` names, as in ``.ci/run``.
+"""
 
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -22,6 +26,8 @@ SWALLOWED = re.compile(r"\n\s*(?:\d+\.|[-*]) \S")
 @pytest.fixture(scope="session")
 def site(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The built site; only where there is a browser to look at it."""
+    if "DEATWIN_SITE" in os.environ:
+        return Path(os.environ["DEATWIN_SITE"])
     if importlib.util.find_spec("mkdocs") is None:
         pytest.skip("mkdocs is not installed (the extra `docs`)")
     folder = tmp_path_factory.mktemp("site")

@@ -185,13 +185,3 @@ def test_effects_at_one_signal_act_in_one_order(pair):
     for name in ("dynamics", "output"):
         values = [np.asarray(getattr(made, name)(*point)) for made in written]
         np.testing.assert_array_equal(*values)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_handful_of_effects_reads_the_same_in_any_order(seed):
-    rng = np.random.default_rng(seed)
-    chosen = [EFFECTS[k] for k in rng.permutation(len(EFFECTS))[:5]]
-    plants = [Plant(rig=RIG, effects=tuple(order)) for order in (chosen, chosen[::-1])]
-    first, second = (read(plant, commands()) for plant in plants)
-    np.testing.assert_array_equal(first, second)
-    assert plants[0].effect_names == plants[1].effect_names

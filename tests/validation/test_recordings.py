@@ -1,8 +1,8 @@
 """Recordings of an independent rig: a finite-element membrane with another integrator (tests/recordings/README.md).
 
 noise.csv and steps.csv are diagnosed; check.csv only judges. 2.0 µm is the sensor alone, and 2.2 µm what an
-independent three-coordinate prototype reached. Two cases run always, by noise.csv alone: a clean one with the whole
-catalogue, and creep among three effects; all nine with the whole catalogue and both recordings as a study:
+independent three-coordinate prototype reached. Two cases run always, by noise.csv alone and with three effects: a clean
+one, and creep; all nine with the whole catalogue and both recordings as a study:
 ``python -m pytest -m study tests/validation/test_recordings.py``.
 """
 
@@ -56,8 +56,8 @@ def check_error(diagnosis: Diagnosis, plant, history: Experiment, check: Recordi
 @pytest.mark.parametrize(
     ("case", "offered", "parts"),
     [
-        pytest.param("open_none_1", None, 1, id="open_none_1 by its noise"),
-        pytest.param("open_creep", FEW, 1, id="open_creep among three by its noise"),
+        pytest.param("open_none_1", FEW, 1, id="open_none_1 by its noise"),
+        pytest.param("open_creep", FEW, 1, id="open_creep by its noise"),
         *(pytest.param(name, None, 2, id=name, marks=pytest.mark.study) for name in CASES),
     ],
 )

@@ -79,6 +79,8 @@ def _free(arguments: list[Symbol], value: Symbol) -> list[Symbol]:
 
 def not_a_number(equations: Mapping[str, Symbol]) -> str:
     """Name the equation that contains a constant which is not a number."""
+    if not equations or not _has_nan(ca.vertcat(*equations.values())):  # What equations share is looked at once
+        return ""
     return next((what for what, value in equations.items() if _has_nan(value)), "")
 
 

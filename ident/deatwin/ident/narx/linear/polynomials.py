@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,8 @@ from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Variables
 from deatwin.plant.errors import ModelError
 
+_ONE = np.ones(1)
+_ONE.setflags(write=False)
 _LARGEST = 0.9999  # magnitude up to which a root counts as inside the unit circle when a search starts
 
 
@@ -129,15 +132,16 @@ class Orders:
 
     def split(self, theta: Array) -> Polynomials:
         """Return the polynomials that a parameter vector `theta` (n_theta,) describes."""
-        a, *rest = np.split(theta, np.cumsum(self.sizes)[:-1])
+        ends = list(accumulate(self.sizes))
+        a, *rest = (theta[end - size : end] for end, size in zip(ends, self.sizes, strict=True))
         m = len(self.nb)
         c, d, offset = rest[2 * m :]
         return Polynomials(
-            a=np.r_[1.0, a],
-            b=tuple(np.r_[np.zeros(nk), b] for nk, b in zip(self.nk, rest[:m], strict=True)),
-            c=np.r_[1.0, c],
-            d=np.r_[1.0, d],
-            f=tuple(np.r_[1.0, f] for f in rest[m : 2 * m]),
+            a=np.concatenate((_ONE, a)),
+            b=tuple(np.concatenate((np.zeros(nk), b)) for nk, b in zip(self.nk, rest[:m], strict=True)),
+            c=np.concatenate((_ONE, c)),
+            d=np.concatenate((_ONE, d)),
+            f=tuple(np.concatenate((_ONE, f)) for f in rest[m : 2 * m]),
             offset=float(offset[0]) if self.offset else 0.0,
         )
 

@@ -17,7 +17,8 @@ from deatwin.plant.arrays import Array
 
 _ONE = np.ones(1)
 _ONE.setflags(write=False)
-_ROUNDS = 20  # Rounds of the iteration by Steiglitz and McBride; most converge in ten
+_ROUNDS = 20  # Most rounds of the iteration by Steiglitz and McBride
+_SETTLED = 1e-6  # Change of a coefficient of F below which these rounds end: the search that follows moves it by more
 
 
 def starting_points(orders: Orders, records: Sequence[Record]) -> list[Polynomials]:
@@ -119,14 +120,16 @@ def _condensed(orders: Orders, records: Sequence[Record], long: Polynomials) -> 
 def _steiglitz_mcbride(pairs: list[Record], nb: int, nf: int, nk: int) -> tuple[Array, Array]:
     """Return b and f of the iteration whose free run is nearest to the outputs, for one input."""
     orders = Orders(na=nf, nb=(nb,), nc=0, nd=0, nf=(0,), nk=(nk,), offset=False)
-    f = _ONE
-    best, found = np.inf, (np.zeros(nk + nb), np.eye(1, nf + 1)[0])
+    f = np.eye(1, nf + 1)[0]
+    best, found = np.inf, (np.zeros(nk + nb), f)
     for _ in range(_ROUNDS if nf else 1):
         arx = _arx([(filtered(_ONE, f, u), filtered(_ONE, f, y)) for u, y in pairs], orders)
-        b, f = arx.b[0], reflected(arx.a)
+        former, b, f = f, arx.b[0], reflected(arx.a)
         loss = sum(float(np.sum((y - filtered(b, f, u[0])) ** 2)) for u, y in pairs)
         if loss < best:
             best, found = loss, (b, f)
+        if np.abs(f - former).max() < _SETTLED:
+            break
     return found
 
 
