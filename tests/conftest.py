@@ -11,6 +11,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,9 +47,12 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     long = [TESTS / name for name in LONG]
-    items.sort(
-        key=lambda item: next((k for k, at in enumerate(long) if at in (item.path, *item.path.parents)), len(long))
-    )
+
+    @cache
+    def place(path: Path) -> int:
+        return next((k for k, at in enumerate(long) if at in (path, *path.parents)), len(long))
+
+    items.sort(key=lambda item: place(item.path))
     for item in items:
         if item.path.suffix == ".ipynb":  # which has no place for a mark
             item.add_marker("extras")

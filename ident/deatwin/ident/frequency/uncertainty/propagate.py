@@ -49,9 +49,8 @@ class UncertaintyStatus(Enum):
         "bands are the range of the ellipse there, and the phase is undefined where it contains 0"
     )
     BENT = (
-        "the response is not linear in the parameters over their uncertainty at some frequencies "
-        "(those without linear_law): ellipses and bands are wrong there; sample the posterior instead, or identify on "
-        "more data"
+        "at the frequencies with linear_law = False, the response is not linear in the parameters over their uncertainty: "
+        "ellipses and bands are wrong there; sample the posterior instead, or identify on more data"
     )
     LOST = (
         "the parameters are so uncertain that for some of their likely values the model has no equilibrium at the operating "
