@@ -259,11 +259,8 @@ def _restated(findings: Findings) -> Iterator[str]:
     nominal = findings.problem.nominal.rig
     for variant in findings.restated:
         stated, found = differences([nominal, variant.calibration.plant.rig])
-        for name, value in stated.items():
-            yield (
-                f"a rig with {name} = {_short(found[name])} instead of {_short(value)} would also explain the recordings, "
-                "without any effect: check this number"
-            )
+        changes = [f"{name} = {_short(found[name])} instead of {_short(value)}" for name, value in stated.items()]
+        yield f"a rig with {' and '.join(changes)} would also explain the recordings, without any effect: check this"
 
 
 def _short(value: object) -> str:
@@ -276,7 +273,7 @@ def _scaled(findings: Findings) -> Iterator[str]:
     for part, factor in factors(findings.problem, findings.base.chosen.calibration.plant):
         yield (
             f"{label(part.experiment.recordings[0])}: {factor:.3g} times the readings of the nominal model explain most of "
-            "the readings, but no calibration does: check the units of the readings and of the command, and the gain"
+            "the readings, but no calibration does: check signs and units of the readings and of the command, and the gain"
         )
 
 

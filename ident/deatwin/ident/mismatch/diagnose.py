@@ -38,6 +38,7 @@ from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, 
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.ident.mismatch.verify.standing import first_that_stands
 from deatwin.ident.mismatch.verify.verification import Verification
+from deatwin.ident.mismatch.verify.verify import verify
 from deatwin.ident.parallel import one_thread, require_workers, spawn_generators
 from deatwin.plant.effects.base import Effect, require_effects
 from deatwin.plant.model import Plant
@@ -179,6 +180,7 @@ def diagnose(
             keep(base_step(problem, base))
             keep(found_step("detect", detection))
             naming, verdict = nothing_tried(base.chosen), Verdict.PARAMETERS
+            verification = verify(base.chosen, base.chosen, for_rest, problem)
     answer = naming.best if naming.best is not None and verdict.has_causes else base.chosen
     left = locate(answer, problem, checked, for_rest) if verdict is Verdict.PARTLY else None
 

@@ -14,14 +14,30 @@ WIDTH, NUMBER = 0.01, 1500
 TIME = WIDTH * np.arange(NUMBER)
 
 
-def recorded(factor: float, stiffness: float = STIFFNESS) -> Recording:
-    """Exact response to held commands around 14 Hz, times a factor, with noise of 2 µm."""
-    rng = np.random.default_rng(3)
-    command = 20.0 * np.sin(np.cumsum(2 * np.pi * 14.0 * WIDTH + 0.1 * rng.standard_normal(NUMBER)))
+STAIR = 3.0 * np.floor(TIME / 1.5)
+"""Ten steps upwards, each of 0.075 mm."""
+SINE = 15.0 * np.sin(2 * np.pi * 5.0 * TIME)
+
+
+def moved(command: np.ndarray, stiffness: float = STIFFNESS) -> np.ndarray:
+    """Exact response to held commands, m."""
     rates, push = np.array([[0, 1], [-stiffness / MASS, -DAMPING / MASS]]), np.array([[0], [1e-3 / MASS]])
     discrete = cont2discrete((rates, push, np.array([[1, 0]]), np.zeros((1, 1))), WIDTH)
     _, motion, _ = dlsim(discrete, np.append(command, 0.0))
-    return Recording.from_arrays(command, factor * (motion[1:, 0] + 2e-6 * rng.standard_normal(NUMBER)), WIDTH)
+    return motion[1:, 0]
+
+
+def read(command: np.ndarray, motion: np.ndarray, factor: float = 1.0) -> Recording:
+    """Readings of a motion times a factor, with noise of 2 µm."""
+    noise = 2e-6 * np.random.default_rng(4).standard_normal(NUMBER)
+    return Recording.from_arrays(command, factor * (motion + noise), WIDTH)
+
+
+def recorded(factor: float, stiffness: float = STIFFNESS) -> Recording:
+    """Response to commands around 14 Hz."""
+    rng = np.random.default_rng(3)
+    command = 20.0 * np.sin(np.cumsum(2 * np.pi * 14.0 * WIDTH + 0.1 * rng.standard_normal(NUMBER)))
+    return read(command, moved(command, stiffness), factor)
 
 
 def prepared(recording):
@@ -56,3 +72,30 @@ def test_a_factor_is_told_if_the_plant_explains_less_than_half(factor, told):
     problem, _ = prepared(recorded(factor))
     require_same_scale(problem, problem.nominal)
     assert [known for _, known in factors(problem, problem.nominal)] == pytest.approx(told, rel=1e-3)
+
+
+@pytest.mark.parametrize("drift", [-2.0, -20.0, 20.0])
+def test_a_drift_that_exceeds_the_motion_is_no_factor(drift):
+    """The command rises in steps while the zero of the sensor drifts, by a multiple of the whole motion, 0.675 mm."""
+    motion = moved(STAIR)
+    assert factors(*prepared(read(STAIR, motion + drift * np.ptp(motion) * TIME / TIME[-1]))) == ()
+
+
+def test_a_reversed_sensor_is_found_beside_a_drift():
+    motion = moved(STAIR)
+    with pytest.raises(DataError, match="the readings fall where those of the model rise: -1 times"):
+        require_same_scale(*prepared(read(STAIR, motion - 2 * np.ptp(motion) * TIME / TIME[-1], -1.0)))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [0.0, 1e-3])
+def test_constant_readings_have_no_factor(value):
+    assert factors(*prepared(Recording.from_arrays(STAIR, np.full(NUMBER, value), WIDTH))) == ()
+
+
+def test_half_a_period_late_is_not_a_reversed_sign():
+    """A dead time of 0.1 s is half a period of 5 Hz; a reversed sensor differs from it in the first 0.1 s only."""
+    late = np.append(np.zeros(10), moved(SINE)[:-10])
+    require_same_scale(*prepared(read(SINE, late)))
+    with pytest.raises(DataError, match="fall where those of the model rise"):
+        require_same_scale(*prepared(read(SINE, moved(SINE), -1.0)))

@@ -1,6 +1,6 @@
 """An oscillator in closed form whose mass is not the one that the rig states."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.signal import cont2discrete, dlsim
 from deatwin.ident.mismatch import Verdict, check_quality, diagnose, prepare
 from deatwin.ident.mismatch.model_error import differences
 from deatwin.ident.mismatch.refit.restated import restated, stated_numbers
-from deatwin.plant import Builder, Parameter, Place, Plant, Recording
+from deatwin.plant import Builder, Parameter, Place, Plant, Recording, Rig
 
 WIDTH, NUMBER, NOISE = 0.01, 1800, 2e-6
 MASS, STIFFNESS, DAMPING, PUSH = 0.010, 40.0, 0.05, 1e-3
@@ -57,12 +57,37 @@ def recorded(mass: float, cubic: float = 0.0) -> Recording:
     return Recording.from_arrays(command, read + NOISE * rng.standard_normal(NUMBER), WIDTH)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Limited(Weighed):
+    """The experimenter's code refuses masses above a limit."""
+
+    heaviest: ClassVar[float]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.mass > self.heaviest:
+            raise ValueError("too heavy for this spring")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Described(Weighed):
+    """Fields that are no stated numbers, and one number without a decimal point."""
+
+    turns: int = 12
+    length: float = 3
+    is_new: bool = True
+    farthest: float = np.inf
+    derived: float = field(init=False, default=2.0)
+
+
 def test_the_numbers_are_those_that_a_rig_adds():
-    assert stated_numbers(Weighed()) == {"mass": MASS, "push": PUSH, "unused": 7.0}
+    stated = {"mass": MASS, "push": PUSH, "unused": 7.0}
+    assert stated_numbers(Weighed()) == stated
+    assert stated_numbers(Described()) == {**stated, "length": 3.0}
 
 
-def found(recording: Recording) -> list[dict[str, float]]:
-    plant = Plant(rig=Weighed())
+def found(recording: Recording, rig: Rig | None = None) -> list[dict[str, float]]:
+    plant = Plant(rig=rig or Weighed())
     problem, base = prepare(plant, check_quality(plant, recording), ())
     variants = [variant.calibration.plant.rig for variant in restated(problem, base.chosen)]
     return [differences([problem.nominal.rig, rig])[1] for rig in variants]
@@ -72,6 +97,20 @@ def test_a_wrong_mass_is_found_and_a_wrong_pull_is_the_same():
     """12.5 g instead of 10, or 0.8 of the pull on 10 g: the standard errors are far below a per cent at this noise."""
     mass, push = pytest.approx(0.0125, rel=2e-3), pytest.approx(0.8 * PUSH, rel=2e-3)
     assert sorted(found(recorded(0.0125)), key=list) == [{"mass": mass}, {"push": push}]
+
+
+@pytest.mark.parametrize(
+    ("heaviest", "mass", "is_found"),
+    [
+        (0.0127, 0.0125, True),  # the first step passes the limit, by far
+        (MASS, 0.008, True),  # the stated mass is the heaviest one
+        (0.0115, 0.0125, False),
+    ],
+)
+def test_a_mass_at_or_beyond_a_limit_of_the_rig(heaviest, mass, is_found, monkeypatch):
+    monkeypatch.setattr(Limited, "heaviest", heaviest, raising=False)
+    masses = [change["mass"] for change in found(recorded(mass), Limited()) if "mass" in change]
+    assert masses == ([pytest.approx(mass, rel=2e-3)] if is_found else [])
 
 
 def test_a_cubic_error_of_the_sensor_is_no_wrong_number():
