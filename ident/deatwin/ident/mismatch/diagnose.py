@@ -174,7 +174,9 @@ def diagnose(
     if doubted or verdict in (Verdict.UNKNOWN, Verdict.AMBIGUOUS):
         tell(0.82, "looking for a wrong number in the description of the rig")
         numbers = _with_a_number_restated(problem, base, for_rest)
-        if numbers and (doubted or verdict is Verdict.UNKNOWN):
+        numbers.sort(key=lambda found: _contradicts_the_rig(found[0], problem))
+        better = doubted and not any(_contradicts_the_rig(variant, problem) for variant, _ in numbers[:1])
+        if numbers and (better or verdict is Verdict.UNKNOWN):
             (other, detection), *numbers = numbers
             base, location = base.in_variant_of(other), None
             keep(base_step(problem, base))

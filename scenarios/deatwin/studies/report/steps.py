@@ -135,7 +135,8 @@ def forms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         return []
     rows = []
     for place, form in enumerate(diagnosis.forms):
-        read = ", ".join(f"{name} = {value}" for name, value in form.form.items()) or "as the rig file states"
+        values = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in form.form.items()}
+        read = ", ".join(f"{name} = {value}" for name, value in values.items()) or "as the rig file states"
         rows.append({"read": read, "fitted": form.fitted, "unseen": form.unseen, "chosen": place == 0})
     return rows
 

@@ -1,6 +1,6 @@
 """An oscillator in closed form whose mass is not the one that the rig states."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +11,8 @@ from scipy.signal import cont2discrete, dlsim
 from deatwin.ident.mismatch import Verdict, check_quality, diagnose, prepare
 from deatwin.ident.mismatch.model_error import differences
 from deatwin.ident.mismatch.refit.restated import restated, stated_numbers
-from deatwin.plant import Builder, Parameter, Place, Plant, Recording, Rig
+from deatwin.plant import Builder, Effect, Family, Parameter, Place, Plant, Recording, Rig
+from deatwin.plant.effects.base import ranged
 
 WIDTH, NUMBER, NOISE = 0.01, 1800, 2e-6
 MASS, STIFFNESS, DAMPING, PUSH = 0.010, 40.0, 0.05, 1e-3
@@ -125,3 +126,39 @@ def test_a_number_that_is_stated_wrongly_is_no_missing_physics():
     assert f"fit a rig with {name} = " in told.sentence
     (other,) = {"mass", "push"} - {name}
     assert any(warning.startswith(f"a rig with {other} = ") for warning in told.warnings)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weaker(Effect):
+    """The command acts in part."""
+
+    loss: float = field(default=0.1, metadata=ranged("1", 0.0, 0.9))
+    name: ClassVar[str] = "weaker"
+    family: ClassVar[Family] = Family.ELECTRICAL
+    place: ClassVar[Place] = Place.DRIVE
+    signal: ClassVar[str] = "command"
+    strength: ClassVar[str] = "loss"
+    wording: ClassVar[str] = "The command loses {loss}"
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        return signal * (1 - self.own("loss", build))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sprung(Weighed):
+    """The spring is known to have more than 32 N/m."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        spring, *others = super().parameters
+        return (replace(spring, lower=32.002), *others)
+
+
+def test_an_effect_that_contradicts_the_rig_gives_way_to_a_number_that_does_not():
+    """40 N/m and 12.5 g move as 32 N/m and 10 g do, if a fifth of the command or of the pull is lost."""
+    told = diagnose(Plant(rig=Sprung()), recorded(0.0125), effects=[Weaker()])
+    assert told.verdict is Verdict.PARAMETERS
+    assert told.forms[0].form == {"mass": pytest.approx(0.0125, rel=2e-3)}
+    assert told.model.plant.parameters["stiffness"].value == pytest.approx(STIFFNESS, rel=2e-3)
+    assert told.verification is None  # that of the effect
+    assert any(warning.startswith("a rig with push = ") for warning in told.warnings)
