@@ -61,7 +61,7 @@ def _fast(row: np.ndarray | None, part: Part) -> np.ndarray | None:
     if row is None or not row.size:
         return None
     steps = np.diff(part.timepts)
-    gaps = np.flatnonzero(steps > 1.5 * np.median(steps)) + 1 if steps.size else []
+    gaps = np.flatnonzero(steps > 1.5 * np.median(steps)) + 1 if steps.size else np.zeros(0, dtype=int)
     cuts = np.linspace(0, row.size, STRETCHES + 1).astype(int)[:-1]
     fast = detrend(row, bp=np.union1d(cuts, gaps))
     return np.asarray(fast) if np.std(fast) > ACCURACY * np.abs(row).max() else None
