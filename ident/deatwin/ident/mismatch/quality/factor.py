@@ -15,7 +15,8 @@ from deatwin.plant.recording import label
 WRONG_UNIT = 10.0
 """Smallest factor between two units of a quantity with different prefixes."""
 STRETCHES = 8
-"""Number of equal stretches of a part, in each of which a straight line is slow: drifts may exceed the motion."""
+"""Number of equal stretches of a part, which end at gaps, too. A straight line in a stretch is slow: drifts may exceed the
+motion, and a reading may jump in a gap."""
 
 
 def factors(problem: DiagnosisProblem, calibrated: Plant) -> tuple[tuple[Part, float], ...]:
@@ -25,7 +26,7 @@ def factors(problem: DiagnosisProblem, calibrated: Plant) -> tuple[tuple[Part, f
     found = []
     for part in problem.of_first.everything:
         simulations = simulated(calibrated, [part]), simulated(problem.nominal, [part])
-        measured, fitted, nominal = (None if row is None else _fast(row) for row in (part.measured, *simulations))
+        measured, fitted, nominal = (_fast(row, part) for row in (part.measured, *simulations))
         if measured is None or nominal is None or max(_share(measured, fitted), _share(measured, nominal)) > MOST:
             continue
         factor = _factor(measured, nominal)
@@ -51,19 +52,22 @@ def require_same_scale(problem: DiagnosisProblem, calibrated: Plant) -> None:
             )
 
 
-def _fast(row: np.ndarray) -> np.ndarray | None:
+def _fast(row: np.ndarray | None, part: Part) -> np.ndarray | None:
     """Return a signal about its own line in each stretch; None if it is constant there except for rounding."""
     from scipy.signal import detrend
 
-    ends = np.unique(np.linspace(0, row.size, STRETCHES + 1).astype(int)[:-1])
-    fast = detrend(row, bp=ends) if row.size else row
-    return fast if row.size and np.std(fast) > ACCURACY * np.abs(row).max() else None
+    if row is None or not row.size:
+        return None
+    steps = np.diff(part.timepts)
+    gaps = np.flatnonzero(steps > 1.5 * np.median(steps)) + 1 if steps.size else np.zeros(0, dtype=int)
+    cuts = np.linspace(0, row.size, STRETCHES + 1).astype(int)[:-1]
+    fast = detrend(row, bp=np.union1d(cuts, gaps))
+    return np.asarray(fast) if np.std(fast) > ACCURACY * np.abs(row).max() else None
 
 
 def _is_late(part: Part, problem: DiagnosisProblem) -> bool:
     """Return whether a usual dead time explains readings about as well as a reversed sign: half a period of a sine."""
-    nominal, measured = simulated(problem.nominal, [part]), _fast(part.measured)
-    fast = None if nominal is None else _fast(nominal)
+    measured, fast = _fast(part.measured, part), _fast(simulated(problem.nominal, [part]), part)
     if fast is None or measured is None:
         return False
     reversed_sign = 1.0 - _share(measured, _factor(measured, fast) * fast)

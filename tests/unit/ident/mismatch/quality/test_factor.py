@@ -1,5 +1,7 @@
 """Readings of an oscillator in closed form that have another sign, unit or gain than the model's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from oscillator import DAMPING, MASS, STIFFNESS, Oscillator
@@ -99,3 +101,14 @@ def test_half_a_period_late_is_not_a_reversed_sign():
     require_same_scale(*prepared(read(SINE, late)))
     with pytest.raises(DataError, match="fall where those of the model rise"):
         require_same_scale(*prepared(read(SINE, moved(SINE), -1.0)))
+
+
+def test_a_jump_in_a_gap_is_no_factor():
+    """The command rises evenly; the sensor falls by five times the motion where samples are left out."""
+    ramp = 20.0 * TIME / TIME[-1]
+    motion = moved(ramp)
+    recording = read(ramp, motion - np.where(TIME > 7.0, 5 * np.ptp(motion), 0.0))
+    problem, calibrated = prepared(recording)
+    outside = (np.abs(TIME - 7.0) > 0.5,)
+    gap = tuple(replace(part, masks=outside) for part in problem.everything)
+    assert factors(replace(problem, everything=gap), calibrated) == ()
