@@ -218,7 +218,7 @@ FILES = {
     "settings.csv": decimals("Scale;0.005", *(f"{k};{k}" for k in range(40)), header="sample;command_V"),
     "mixed.csv": decimals("0,00;2,5", "0,02;2.5", "0,04;2,6"),
     "quoted.csv": table(row_8='0.12,"2.0\n",0.3'),
-    "delimiters.csv": "time_s;command_V,x\n1;2,3\n2;3,4\n3;4,5\n",
+    "delimiters.csv": "time_s;command_V,x\n1;a,3\n2;b,4\n3;b,5\n",
     "units.csv": "time_s,command_V\n(s),(mV)\n0.00,1\n0.02,2\n0.04,1\n",
     "damaged.csv": "# deatwin/recording/1 {\n" + table(),
     "schema.csv": DESCRIPTION % "deatwin/recording/9",

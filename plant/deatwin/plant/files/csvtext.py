@@ -115,9 +115,7 @@ def find_layout(lines: list[str], rows: Sequence[int], path: str) -> Layout:
     marks = [mark for mark in _DELIMITERS if widths[mark] > 1] or [","]
     starts = {mark: _first_sample(lines, mark, widths[mark]) for mark in marks}
     fitting = [mark for mark in marks if starts[mark] is not None]
-    if (
-        len(fitting) > 1
-    ):  # a decimal comma and one before a unit, as in "U, V;x, mm", leave no numbers when they part cells
+    if len(fitting) > 1:  # commas in "U, V;x, mm" and "1,5;2,5" are no delimiters: cells between them are no numbers
         certain = [mark for mark in fitting if _holds_only_values(split_cells(lines[starts[mark] or 0], mark))]
         fitting = certain if len(certain) == 1 else fitting
     if len(fitting) > 1:
