@@ -12,6 +12,8 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 
 Response = tuple[np.ndarray, np.ndarray]  # Residuals (m,), and the derivative of the readings (m, n), SI
+STEEPEST = 1e150
+"""Largest derivative in a fit, SI per coordinate: squares of larger ones, summed over the samples, would overflow."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,6 +69,6 @@ class Problem:
                 readings, slopes = part.weight * run.further[:, row], part.weight * run.further_slopes[:, row]
             residuals.append((part.measured - readings[counted + 1]) / part.level)
             jacobians.append(slopes[counted + 1][:, columns] * slope / part.level[:, None])
-            if not np.isfinite(jacobians[-1]).all():
+            if not np.abs(jacobians[-1]).max(initial=0.0) < STEEPEST:  # nor if it is NaN
                 return None
         return np.concatenate(residuals), np.vstack(jacobians)

@@ -1,18 +1,20 @@
 """Calibration against known truths, on a rig that solves in milliseconds."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from made_fits import made_fit
+from made_rigs import Bare
 from stopping import StopAt
 
 from deatwin.ident.greybox import Calibration, FitStatus, Part, calibrate
 from deatwin.ident.greybox.covariance import covariance
 from deatwin.ident.greybox.parts import reading_times, simulated
 from deatwin.ident.greybox.problem import Problem
-from deatwin.plant import DataError, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
+from deatwin.plant import Builder, DataError, Diaphragm, Experiment, Place, Plant, ReadingTime, Recording, SensorJump
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.simulate import Simulator
 
@@ -287,3 +289,25 @@ def test_a_fit_that_stopped_foresees_its_minimum_within_the_bounds(upper, forese
     assert settled.foreseen == settled.rms == pytest.approx(np.sqrt(7.25))
     far = made_fit(plant, 3.0 * along + across, "a", jacobian=jacobian, status=FitStatus.STOPPED, evaluations=3)
     assert far.foreseen == far.rms  # its linear model is not trusted that far
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cliff(Bare):
+    """The reading is the command, and near a = 1 it changes by 1e160 m per unit of a: its square overflows."""
+
+    kind: ClassVar[str] = "cliff"
+    follows_at_once: ClassVar[bool] = True
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter(name="a", value=1.0, unit="1", lower=0.5, upper=2.0),)
+
+    def write(self, build: Builder) -> Any:
+        return build.place(Place.SENSOR, "reading", build.command + 1e160 * (build.parameter("a") - 1.0))
+
+
+def test_a_derivative_whose_square_overflows_is_no_start_and_no_crash():
+    """The readings themselves are finite. A fit of a candidate that is so steep must fail, not the whole diagnosis."""
+    command = noise_command(3, 50)
+    fit = calibrate(Plant(rig=Cliff()), Recording.from_arrays(command, command, Cliff().sample_time))
+    assert fit.status is FitStatus.IMPOSSIBLE
