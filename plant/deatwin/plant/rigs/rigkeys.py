@@ -246,8 +246,9 @@ SENSOR: Keys = {
         field="reading",
         choices=tuple(taken.value for taken in ReadingTime),
         required=False,
-        about="start of hold if the program reads the sensor before it sets the command of the row, end of hold if it reads "
-        "just before the next command, or that the reading is the mean over the hold; end of hold if left out",
+        about="start of hold if the program reads the sensor before it sets the command of the row, or a logger samples both "
+        "at once; end of hold if it reads just before the next command; or that the reading is the mean over the hold; end "
+        "of hold if left out",
     ),
 }
 

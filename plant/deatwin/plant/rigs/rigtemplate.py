@@ -26,6 +26,7 @@ _OWN_MATERIAL = f"""\
 ##permittivity = 2.8
 ##[material.parameters]  # of the energy, moduli in Pa; a fit starts from these values
 ##shear_modulus = 300e3
+# gent has also stretch_limit: J_m, the value of I1 - 3 at which the film locks
 ##[[material.branches]]  # a film that relaxes: one for each relaxation
 ##modulus_Pa = 40e3
 ##time_s = 8.0
