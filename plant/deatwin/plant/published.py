@@ -1,4 +1,4 @@
-"""Published materials of dielectric elastomers: each value with its source, and the spread between sources as range.
+"""Published materials of dielectric elastomers: each value with its source, and a range beyond the spread of sources.
 
 *Unconfirmed* values are quoted from later literature, public code or memory: check them before citing.
 """

@@ -174,9 +174,8 @@ def diagnose(
     if doubted or verdict in (Verdict.UNKNOWN, Verdict.AMBIGUOUS):
         tell(0.82, "looking for a wrong number in the description of the rig")
         numbers = _with_a_number_restated(problem, base, for_rest)
-        numbers.sort(key=lambda found: _contradicts_the_rig(found[0], problem))
-        better = doubted and not any(_contradicts_the_rig(variant, problem) for variant, _ in numbers[:1])
-        if numbers and (better or verdict is Verdict.UNKNOWN):
+        better = doubted and bool(numbers) and not _contradicts_the_rig(numbers[0][0], problem)
+        if better or (numbers and verdict is Verdict.UNKNOWN):
             (other, detection), *numbers = numbers
             base, location = base.in_variant_of(other), None
             keep(base_step(problem, base))
@@ -283,10 +282,11 @@ def _with_a_number_restated(
     problem: DiagnosisProblem, base: Base, rng: np.random.Generator
 ) -> list[tuple[Candidate, Detection]]:
     """Return the base plant with one number of the rig changed, for each number with which it then lacks nothing, and
-    what is detected there.
+    what is detected there; first those that need no known parameter of the rig at a bound.
     """
     tested = [(variant, detect(variant, problem, rng)) for variant in restated(problem, base.chosen)]
-    return [(variant, seen) for variant, seen in tested if not seen.mismatch and seen.taken_up is None]
+    sound = [(variant, seen) for variant, seen in tested if not seen.mismatch and seen.taken_up is None]
+    return sorted(sound, key=lambda found: _contradicts_the_rig(found[0], problem))
 
 
 def _verdict(

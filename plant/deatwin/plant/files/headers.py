@@ -168,11 +168,8 @@ def _split(header: str) -> tuple[str, str]:
             return match[1], for_name(match[1], unit)
     if (match := _APART.fullmatch(header)) and (unit := find_unit(match[2])):
         return match[1], for_name(match[1], unit)
-    if (
-        (match := _BEFORE.fullmatch(header))
-        and (unit := find_unit(match[1]))
-        and not _DOUBTFUL.fullmatch(match[1][1:-1])
-    ):
+    match = _BEFORE.fullmatch(header)
+    if match and (unit := find_unit(match[1])) and not _DOUBTFUL.fullmatch(match[1][1:-1]):
         return match[2], for_name(match[2], unit)
     if (match := _FIRST.fullmatch(header)) and not _is_longer_unit(header):
         return match[2], for_name(match[2], find_unit(match[1]))

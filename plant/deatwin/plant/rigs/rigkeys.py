@@ -19,10 +19,7 @@ class NumberKey:
     per_si: float = 1.0  # File units in one SI unit
     whole: bool = False  # True if only whole numbers are allowed
     required: bool = True  # True if the key must be present
-    usual: tuple[float, float] = (
-        0.0,
-        inf,
-    )  # Sizes that such devices have, without sign; any other is read with a warning
+    usual: tuple[float, float] = (0.0, inf)  # Sizes without sign; any other is read with a warning
     slips: tuple[tuple[str, float, float], ...] = ()  # Other units, with factor and shift to the file's unit
     about: str = ""
     instead: str = ""  # Key of the section that may replace this one
