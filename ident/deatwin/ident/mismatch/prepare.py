@@ -97,11 +97,8 @@ def effects_for(rig: Rig, effects: Sequence[Effect] | None) -> Sequence[Effect]:
     """Return the effects of a rig, or given ones: those of the catalogue at the sizes and in the words of the rig."""
     if effects is None:
         return rig.effects()
-    given = require_effects(effects)
-    if rig.sizes is None:
-        return given
     known = {type(effect) for effect in (*catalogue(), *machine_catalogue())}
-    return [rig.sizes.of(effect) if type(effect) in known else effect for effect in given]
+    return [rig.scaled(effect) if type(effect) in known else effect for effect in require_effects(effects)]
 
 
 def _problem_of(

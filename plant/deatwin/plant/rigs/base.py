@@ -242,7 +242,7 @@ class Rig(ABC):
         return Plant(rig=self, effects=effects)
 
     def effects(self) -> tuple[Effect, ...]:
-        """Return the effects that a diagnosis tries on this rig: by default the catalogue, scaled to the rig's sizes.
+        """Return the effects that a diagnosis tries on this rig: by default the catalogue, scaled to the rig.
 
         A rig without a film also has the effects of machines: relaxation, dead zone, backlash, and dry friction that
         depends on speed and direction. Override this method to add effects of your own.
@@ -252,8 +252,11 @@ class Rig(ABC):
         tuple of Effect
             Effects, including those that act on a signal that this rig does not have.
         """
-        known = catalogue() if self.has_film else machine_catalogue()
-        return known if self.sizes is None else tuple(self.sizes.of(effect) for effect in known)
+        return tuple(self.scaled(effect) for effect in (catalogue() if self.has_film else machine_catalogue()))
+
+    def scaled(self, effect: Effect) -> Effect:
+        """Return an effect of the catalogue with values for this rig, by default at its `sizes`."""
+        return effect if self.sizes is None else self.sizes.of(effect)
 
     def for_motion(self, motion: float) -> Self:
         """Return the rig with the model error of a reading whose standard deviation is `motion`, SI."""

@@ -122,6 +122,12 @@ class Diaphragm(Rig):
         """Name of the moving part for sentences: ``ball``."""
         return "ball"
 
+    def scaled(self, effect: Effect) -> Effect:
+        """Return an effect of the catalogue with its forces in proportion to this rig's stiffness."""
+        from deatwin.plant.rigs.stiffness import scaled_to_stiffness  # it needs plants, which are made of rigs
+
+        return scaled_to_stiffness(effect, self)
+
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         known: dict[str, Any] = {"source": "rig file", "known": True}

@@ -59,6 +59,12 @@ class FilmActuator(Rig):
     output_name: ClassVar[str] = "displacement"
     output_unit: ClassVar[str] = "m"
 
+    def scaled(self, effect: Effect) -> Effect:
+        """Return an effect of the catalogue with its forces in proportion to this rig's stiffness."""
+        from deatwin.plant.rigs.stiffness import scaled_to_stiffness  # it needs plants, which are made of rigs
+
+        return scaled_to_stiffness(effect, self)
+
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         known: dict[str, Any] = {"source": "the rig", "known": True}
