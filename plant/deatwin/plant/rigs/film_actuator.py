@@ -60,10 +60,10 @@ class FilmActuator(Rig):
     output_unit: ClassVar[str] = "m"
 
     def scaled(self, effect: Effect) -> Effect:
-        """Return an effect of the catalogue with its forces in proportion to this rig's stiffness."""
-        from deatwin.plant.rigs.stiffness import scaled_to_stiffness  # it needs plants, which are made of rigs
+        """Return an effect of the catalogue with forces and commands in proportion to those that move this rig."""
+        from deatwin.plant.rigs.scaling import scaled_to_film  # it needs plants, which are made of rigs
 
-        return scaled_to_stiffness(effect, self)
+        return scaled_to_film(effect, self)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
+from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.errors import RigError
 from deatwin.plant.film import AnyFilm
@@ -187,6 +187,12 @@ class BlockedPlanar(Rig):
     def start(self) -> StartProcedure:
         """Start of an experiment: at rest under a command of 0, without a ramp."""
         return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
+
+    def scaled(self, effect: Effect) -> Effect:
+        """Return an effect of the catalogue at the rig's `sizes`, with commands in proportion to those that move it."""
+        from deatwin.plant.rigs.scaling import command_size  # it needs plants, which are made of rigs
+
+        return replace(self.sizes, command=command_size(self.gain)).of(effect)
 
     def write(self, build: Builder) -> Symbol:
         along = build.constant("prestretch", self.prestretch)

@@ -1,15 +1,27 @@
-"""Forces of effects in proportion to a rig's stiffness."""
+"""Forces and commands of effects in proportion to those that move a rig."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from deatwin.plant import BowTie, Cone, CoulombFriction, Diaphragm, Disc, Planar, Plant, Pressure, Roll, Stack
+from deatwin.plant import (
+    BlockedPlanar,
+    BowTie,
+    Cone,
+    CoulombFriction,
+    Diaphragm,
+    Disc,
+    Planar,
+    Plant,
+    Pressure,
+    Roll,
+    Stack,
+)
 from deatwin.plant.effects.places import everywhere
 from deatwin.plant.effects.sizes import FORCE, MOTION
 from deatwin.plant.rest import rest_state
-from deatwin.plant.rigs.stiffness import stiffness
+from deatwin.plant.rigs.scaling import stiffness
 
 RIGS = (
     Diaphragm(),
@@ -61,3 +73,15 @@ def test_a_saved_plant_keeps_its_scaled_effects():
     plant = rig.with_effects(*(effect for effect in everywhere(rig.effects()) if effect.name in names))
     again = Plant.from_dict(plant.to_dict())
     assert [again.parameters[name] for name in plant.parameters] == list(plant.parameters.values())
+
+
+@pytest.mark.parametrize("rig", [Diaphragm, Cone, Planar, BlockedPlanar], ids=lambda rig: rig.kind)
+@pytest.mark.parametrize("gain", [1.0, 20.0, 800.0, 2000.0])
+def test_an_offset_of_the_amplifier_is_of_the_same_size_at_the_film_whatever_the_gain(rig, gain):
+    """With a film voltage as input, the gain is 1, and an offset of 8 V there is as usual as 10 mV before a gain of 800."""
+    effects = {effect.name: effect for effect in everywhere(rig(gain=gain).effects())}
+    for name, usual in (("amplifier_offset", 8.0), ("periodic_disturbance_at_command", 16.0)):
+        effect = effects[name]
+        strength = effect.described(effect.strength)
+        assert abs(np.log10(gain * strength.value / usual)) <= 0.5
+        assert strength.upper / strength.value == pytest.approx({"amplifier_offset": 100.0}.get(name, 50.0))
