@@ -68,18 +68,19 @@ def minimise(
     margin = MARGIN * np.maximum(1.0, np.abs(upper - lower))
     ftol = settled_at(tolerance, first[0].size)
     try:
-        solution = least_squares(
-            cost.residuals,
-            np.clip(start, lower + margin, upper - margin),
-            jac=cost.jacobian,
-            bounds=(lower, upper),
-            x_scale="jac",
-            method="trf",
-            ftol=ftol,
-            xtol=min(1e-6, 1e-3 * np.sqrt(ftol)),  # because the error rises with the square of the step
-            gtol=1e-12,
-            max_nfev=evaluations,
-        )
+        with np.errstate(over="ignore"):  # SciPy divides by tiny singular values where a parameter has no influence
+            solution = least_squares(
+                cost.residuals,
+                np.clip(start, lower + margin, upper - margin),
+                jac=cost.jacobian,
+                bounds=(lower, upper),
+                x_scale="jac",
+                method="trf",
+                ftol=ftol,
+                xtol=min(1e-6, 1e-3 * np.sqrt(ftol)),  # because the error rises with the square of the step
+                gtol=1e-12,
+                max_nfev=evaluations,
+            )
     except _NowhereToGo:
         return None
     except _Ended as end:

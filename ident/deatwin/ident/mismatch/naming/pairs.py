@@ -131,10 +131,9 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
     """Return the log odds of each fitted pair over the likeliest of `first` and the pair's own two effects."""
     # Its own effects count only if each leaves no more than an error of its law may.
     # Each pair is compared with the fits of all others, so any refits come first.
+    # Of the others, a refit would hardly make one likely.
     before = _pairs(search)
-    for pair in before:
-        if scale.of_two(pair, search.tried[first.effects], before) > 0.0:  # else a refit would hardly make it likely
-            search.no_worse(pair.effects)
+    search.no_worse([p.effects for p in before if scale.of_two(p, search.tried[first.effects], before) > 0.0])
     found: dict[Names, float] = {}
     for pair in (others := _pairs(search)):
         odds = scale.of_two(pair, search.tried[first.effects], others)

@@ -236,6 +236,8 @@ class Tried:
         found = run_trials(self.problem, trials, self.noise, finished, self.fitted, alternative)
         better = self._know(found)
         self.lost += ["+".join(names) for names in map(self.names_of, trials) if names not in self.tried]
+        # a single effect has been fitted from the values of the base plant, its only subset
+        self.no_worse([c for c in better if len(c) > 1 and not self.tried[c].calibration.given_up])
         return better
 
     def _know(self, found: Sequence[Candidate]) -> list[Names]:
@@ -287,14 +289,17 @@ class Tried:
         """Fit plants from their present values; keep each fit that leaves less than the known one."""
         self._know(refitted(self.problem, plants, self.noise, self.fitted))
 
-    def no_worse(self, names: Names) -> Candidate:
-        """Return the candidate of a set, refitted from the values of a subset if that leaves less."""
+    def no_worse(self, several: Sequence[Names]) -> None:
+        """Refit sets that leave more than one of their subsets, from the values of the best subset."""
         # A subset is a special case, so the fit of the set, which began elsewhere, has missed its minimum.
-        subsets = [rest for rest in each_without_one(names) if rest in self.tried]
-        best = min(subsets, key=lambda rest: self.tried[rest].calibration.rms, default=None)
-        if best is not None and self.tried[best].calibration.rms < self.tried[names].calibration.rms:
-            self.refit([with_little(self.tried[names].calibration.plant, self.tried[best].calibration)])
-        return self.tried[names]
+        begun = []
+        for names in several:
+            subsets = [self.tried[rest].calibration for rest in each_without_one(names) if rest in self.tried]
+            best, found = min(subsets, key=lambda fit: fit.rms, default=None), self.tried[names].calibration
+            if best is not None and best.rms < found.rms:
+                begun.append(with_little(found.plant, best))
+        if begun:
+            self.refit(begun)
 
     def plant_of(self, full: Names, rest: Names) -> Plant:
         """Return the plant of the set `full` with the effects of `rest` only, not refitted."""

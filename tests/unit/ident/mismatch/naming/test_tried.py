@@ -5,6 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from deatwin.ident.mismatch.naming import tried
+
 
 def test_an_effect_of_a_pair_must_count_for_more_than_the_model_error(candidate, search_over):
     base = candidate(rms=5.7)
@@ -112,3 +114,18 @@ def test_a_decision_keeps_what_the_inputs_cannot_distinguish(candidate, search_o
     search.with_distances = lambda naming, competing: replace(naming, alternatives=tuple(competing[1:]))
     assert search.decision([best, near], lambda c: c is best).alternatives == (near,)
     assert search.settled([best, near], lambda c: False).alternatives == (near,)
+
+
+@pytest.mark.parametrize("pair, again", [(3.0, True), (2.4, False)], ids=["lost its way", "found its minimum"])
+def test_a_pair_that_leaves_more_than_one_of_its_effects_begins_again_from_that_effect(
+    candidate, search_over, monkeypatch, pair, again
+):
+    """Creep, beside which delay was tried, leaves 4.0; delay alone leaves 2.5, so both leave no more than 2.5."""
+    alone = [candidate("creep", rms=4.0), candidate("delay", rms=2.5)]
+    search = search_over(candidate(rms=5.0), *alone)
+    fits: list[object] = []
+    monkeypatch.setattr(tried, "run_trials", lambda *_: [candidate("creep", "delay", rms=pair)])
+    monkeypatch.setattr(tried, "with_little", lambda plant, best: best)
+    monkeypatch.setattr(search, "refit", fits.extend)
+    search.attempt([])
+    assert fits == ([alone[1].calibration] if again else [])
