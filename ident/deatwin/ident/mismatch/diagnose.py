@@ -166,7 +166,7 @@ def diagnose(
     part = None if stands or len(naming.candidates) == 1 else acting(naming, problem, for_rest)
     naming, verification = (naming, verification) if part is None else part
     keep(found_step("verify", verification if verification.ablations else None))
-    base = base.in_variant_of(naming.base).with_stages(max(plant.stages, problem.nominal.stages))
+    base = base.in_variant_of(naming.base).with_stages(max(plant.stages, naming.base.calibration.plant.stages))
     naming, elsewhere = without_places(naming)
     verdict = _verdict(problem, checked, base, detection, naming, verification, stands, part is not None)
     doubted = verdict.has_causes and _contradicts_the_rig(naming.best, problem)

@@ -98,6 +98,11 @@ def explanations(
 
     search = Search(problem, base, known, fitted)
     stage = search.beside((), partial(tell, 0))
+    if (stages := search.stages_for(stage)) > problem.nominal.stages:
+        base, *alternatives = (variant.with_stages(stages) for variant in (base, *alternatives))
+        problem = replace(problem, nominal=replace(problem.nominal, stages=stages))
+        search = Search(problem, base, known, fitted)
+        stage = search.beside((), partial(tell, 0))
     search.judge_by_the_best(stage)
     naming = decided(search, stage)
     own = taken = search, stage, naming

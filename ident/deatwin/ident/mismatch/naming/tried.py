@@ -18,6 +18,7 @@ from deatwin.ident.mismatch.naming.weigh import Scale
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.thresholds import CLEARLY_LESS, STRONG
 from deatwin.plant.model import Plant
+from deatwin.plant.resolution import stages_for
 
 Finished = Callable[[float], None]
 Names = tuple[str, ...]
@@ -114,6 +115,15 @@ class Tried:
         )
         for names in stage:
             self.tried[names] = self.tried[names].with_floor(error)
+
+    def stages_for(self, stage: Sequence[Names]) -> int:
+        """Return how many stages the rig needs with the fitted values of the best set of a `stage`."""
+        # Friction that is missing is imitated by damping, and a plant that is damped too much seems to need few stages.
+        # An effect with kinks needs more than the rig, but cannot be followed exactly with any number of them.
+        best = self.best_of(stage)
+        if best is None:
+            return self.problem.nominal.stages
+        return stages_for(self.plant_of(best, ()), [part.experiment for part in self.problem.of_first.fitted])[0]
 
     def takes_most(self, names: Names) -> bool:
         """Return whether the set `names` removes most of the residual's power beyond noise."""
