@@ -33,7 +33,8 @@ class Timeline:
         if abs(experiment.sample_time / sample_time - 1) > 1e-3:
             raise DataError(
                 f"the recording is sampled every {experiment.sample_time:g} s but the rig file says "
-                f"{sample_time:g} s ({1 / sample_time:g} Hz); correct sample_rate_Hz or resample the recording"
+                f"{sample_time:g} s ({1 / sample_time:g} Hz); write sample_rate_Hz = {1 / experiment.sample_time:.6g} in "
+                f"the rig file, or resample the recording: --resample {sample_time:g}, in Python resample={sample_time:g}"
             )
         parts = [_start_commands(procedure, experiment.recordings[0].inputs[0, 0], sample_time)]
         origin = experiment.start - parts[0].size * sample_time

@@ -26,6 +26,7 @@ class TimeLeft:
         self._share = 0.0
         self._first: tuple[float, float] | None = None  # work done by an earlier run took none of this run's time
         self._told: tuple[float, float] | None = None  # time and value of the last estimate, s
+        self._rises = False  # True while the work takes longer than was estimated last
 
     def tell(self, share: float) -> None:
         """Update with the completed share."""
@@ -44,6 +45,7 @@ class TimeLeft:
             return None
         estimate = (now - began) * (1.0 - self._share) / done
         told = (now, estimate) if self._told is None else self._told
+        self._rises = estimate > told[1]
         if now - told[0] < _KEPT:
             self._told = (told[0], min(estimate, told[1]))
         else:
@@ -56,7 +58,9 @@ class TimeLeft:
         if self._share > 1.0 - 1e-9:  # sums of shares are rounded
             return ""
         seconds = self.seconds
-        return "unknown time left" if seconds is None else f"about {duration_in_words(seconds)} left"
+        if seconds is None:
+            return "unknown time left"
+        return f"{'at least' if self._rises else 'about'} {duration_in_words(seconds)} left"
 
 
 def duration_in_words(seconds: float) -> str:

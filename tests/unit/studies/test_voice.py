@@ -48,10 +48,10 @@ def test_a_line_comes_every_half_minute(capsys):
     assert out == ""
     assert told == [30.0] * 4  # the last one was ended
     # A fifth in 30 s: the rest takes 4 times as long; a quarter in 60 s: 3 times, of which a quarter more than before
-    # is told; 0.6 in 90 s: 2/3 of it.
+    # is told, as the least; 0.6 in 90 s: 2/3 of it.
     assert err.splitlines() == [
         "calibrating the model, 20 % done, about 2 min left",
-        "calibrating the model, 25 % done, about 2 min left",
+        "calibrating the model, 25 % done, at least 2 min left",
         "calibrating the model, 60 % done, about 60 s left",
     ]
 
@@ -64,9 +64,9 @@ def test_the_time_left_grows_by_a_quarter_at_most_while_nothing_is_told():
     progress.tell(0.5, "fitting")
     assert progress.line == "fitting, 50 % done, about 10 s left"
     clock.now += 30.0  # at this pace 40 s
-    assert progress.line == "fitting, 50 % done, about 12 s left"
+    assert progress.line == "fitting, 50 % done, at least 12 s left"
     clock.now += 30.0
-    assert progress.line == "fitting, 50 % done, about 16 s left"
+    assert progress.line == "fitting, 50 % done, at least 16 s left"
 
 
 @pytest.mark.parametrize(
