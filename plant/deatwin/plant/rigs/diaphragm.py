@@ -22,6 +22,7 @@ from deatwin.plant.rigs.kinematics import material_film, squared_voltage
 from deatwin.plant.rigs.membrane import membrane
 from deatwin.plant.rigs.reduced import reduced
 from deatwin.plant.rigs.rigfile import RigFile
+from deatwin.plant.rigs.scaling import scaled_to_film
 from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 GRAVITY = 9.80665
@@ -124,9 +125,7 @@ class Diaphragm(Rig):
 
     def scaled(self, effect: Effect) -> Effect:
         """Return an effect of the catalogue with forces and commands in proportion to those that move this rig."""
-        from deatwin.plant.rigs.scaling import scaled_to_film  # it needs plants, which are made of rigs
-
-        return scaled_to_film(effect, self)
+        return scaled_to_film(effect, self, self.gain)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -22,6 +22,7 @@ from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
 from deatwin.plant.rigs.kinematics import Kinematics, material_film, squared_voltage
 from deatwin.plant.rigs.rigfile import RigFile
+from deatwin.plant.rigs.scaling import scaled_to_film
 from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 Symbol = Any
@@ -61,9 +62,7 @@ class FilmActuator(Rig):
 
     def scaled(self, effect: Effect) -> Effect:
         """Return an effect of the catalogue with forces and commands in proportion to those that move this rig."""
-        from deatwin.plant.rigs.scaling import scaled_to_film  # it needs plants, which are made of rigs
-
-        return scaled_to_film(effect, self)
+        return scaled_to_film(effect, self, self.gain)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

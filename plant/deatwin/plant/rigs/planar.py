@@ -18,6 +18,7 @@ from deatwin.plant.parameters import Parameter
 from deatwin.plant.rigs.base import Rig, StartProcedure
 from deatwin.plant.rigs.film_actuator import LIMITS, SIDES, FilmActuator, check_sides, relaxed_stresses, watch_field
 from deatwin.plant.rigs.kinematics import Kinematics, material_film, squared_voltage, uniform_film
+from deatwin.plant.rigs.scaling import command_size
 
 Symbol = Any
 ROUNDED = 0.01  # Share by which a rounded side stretch may miss that of a film without side load
@@ -190,8 +191,6 @@ class BlockedPlanar(Rig):
 
     def scaled(self, effect: Effect) -> Effect:
         """Return an effect of the catalogue at the rig's `sizes`, with commands in proportion to those that move it."""
-        from deatwin.plant.rigs.scaling import command_size  # it needs plants, which are made of rigs
-
         return replace(self.sizes, command=command_size(self.gain)).of(effect)
 
     def write(self, build: Builder) -> Symbol:

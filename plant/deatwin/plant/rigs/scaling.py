@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,10 +12,6 @@ from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.sizes import COMMAND, FORCE, MOTION, VOLTAGE, Sizes
 from deatwin.plant.rest import rest_state
 from deatwin.plant.rigs.base import Rig
-
-if TYPE_CHECKING:
-    from deatwin.plant.rigs.diaphragm import Diaphragm
-    from deatwin.plant.rigs.film_actuator import FilmActuator
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,10 +39,10 @@ def stiffness(rig: Rig) -> float:
     return 1.0 / abs(float(rest.x_p[position, push])) if rest.found else np.nan
 
 
-def scaled_to_film(effect: Effect, rig: Diaphragm | FilmActuator) -> Effect:
-    """Return an effect with its forces and commands in proportion to those that move a film actuator."""
+def scaled_to_film(effect: Effect, rig: Rig, gain: float) -> Effect:
+    """Return an effect with its forces and commands in proportion to those that move a film behind an amplifier."""
     strengths = [effect.described(effect.strength), *(site.strength for site in effect.places.values())]
-    sizes = _sizes(rig) if any(p is not None and p.unit[0] in "NV" for p in strengths) else None
+    sizes = _sizes(rig, gain) if any(p is not None and p.unit[0] in "NV" for p in strengths) else None
     return effect if sizes is None else sizes.of(effect)
 
 
@@ -56,11 +52,11 @@ def command_size(gain: float) -> float:
 
 
 @lru_cache(maxsize=64)
-def _sizes(rig: Diaphragm | FilmActuator) -> Sizes | None:
+def _sizes(rig: Rig, gain: float) -> Sizes | None:
     """Return the diaphragm's sizes with forces and commands of a rig's order; None if they are the same."""
     # Friction, for example, matters by the displacement that it holds back, force divided by stiffness, and that is
     # micrometres on all actuators, whether a film gives way or a stack does not.
-    force, command = _order(stiffness(rig) * MOTION / FORCE), command_size(rig.gain)
+    force, command = _order(stiffness(rig) * MOTION / FORCE), command_size(gain)
     if force == 1.0 and command == COMMAND:
         return None
     return Sizes(force=FORCE * force, command=command, voltage=VOLTAGE)
