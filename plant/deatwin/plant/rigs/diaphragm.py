@@ -22,7 +22,7 @@ from deatwin.plant.rigs.kinematics import material_film, squared_voltage
 from deatwin.plant.rigs.membrane import membrane
 from deatwin.plant.rigs.reduced import reduced
 from deatwin.plant.rigs.rigfile import RigFile
-from deatwin.plant.rigs.scaling import scaled_to_film
+from deatwin.plant.rigs.scaling import Mounted, scaled_to_film
 from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 GRAVITY = 9.80665
@@ -124,8 +124,9 @@ class Diaphragm(Rig):
         return "ball"
 
     def scaled(self, effect: Effect) -> Effect:
-        """Return an effect of the catalogue with forces and commands in proportion to those that move this rig."""
-        return scaled_to_film(effect, self, self.gain)
+        """Return an effect of the catalogue with lengths, forces and commands in proportion to those of this rig."""
+        thickness = self.thickness / self.prestretch**2
+        return scaled_to_film(effect, self, Mounted(gain=self.gain, thickness=thickness, size=self.frame_radius))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

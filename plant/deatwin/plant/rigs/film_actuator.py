@@ -22,7 +22,7 @@ from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
 from deatwin.plant.rigs.kinematics import Kinematics, material_film, squared_voltage
 from deatwin.plant.rigs.rigfile import RigFile
-from deatwin.plant.rigs.scaling import scaled_to_film
+from deatwin.plant.rigs.scaling import Mounted, scaled_to_film
 from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 Symbol = Any
@@ -61,8 +61,10 @@ class FilmActuator(Rig):
     output_unit: ClassVar[str] = "m"
 
     def scaled(self, effect: Effect) -> Effect:
-        """Return an effect of the catalogue with forces and commands in proportion to those that move this rig."""
-        return scaled_to_film(effect, self, self.gain)
+        """Return an effect of the catalogue with lengths, forces and commands in proportion to those of this rig."""
+        first, second = self._prestretches
+        thickness = self.thickness / (first * second)
+        return scaled_to_film(effect, self, Mounted(gain=self.gain, thickness=thickness, size=self._size))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

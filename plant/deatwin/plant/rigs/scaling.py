@@ -1,7 +1,8 @@
-"""Stiffness and gain of a film actuator, to which forces and commands of the catalogue's effects are scaled."""
+"""Usual displacements, forces and commands of a film actuator, to which the catalogue's effects are scaled."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -12,6 +13,11 @@ from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.sizes import COMMAND, FORCE, MOTION, VOLTAGE, Sizes
 from deatwin.plant.rest import rest_state
 from deatwin.plant.rigs.base import Rig
+
+FIELD, STRAIN = 75e6, 0.2
+"""Largest usual field, V/m, that of the default diaphragm at 3 kV, and largest usual strain of a soft film."""
+SMALL = 0.01
+"""Share of that field for which displacements are proportional to the voltage squared."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,18 +37,39 @@ class _Push(Effect):
         return signal + self.own("force", build)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Mounted:
+    """A mounted film and its amplifier."""
+
+    gain: float  # Of the amplifier
+    thickness: float  # Of the mounted film, m
+    size: float  # Displacement for a stretch of one, m
+
+
 def stiffness(rig: Rig) -> float:
     """Return the force per displacement of the moving part at rest, N/m; nan if there is no state of rest."""
     plant = rig.with_effects(_Push())
     rest = rest_state(plant.equations, rig.start.rest_command, plant.free_values)
-    position, push = 0, list(plant.parameters.free).index("push.force")
-    return 1.0 / abs(float(rest.x_p[position, push])) if rest.found else np.nan
+    push = list(plant.parameters.free).index("push.force")
+    return 1.0 / abs(float(rest.x_p[0, push])) if rest.found else np.nan
 
 
-def scaled_to_film(effect: Effect, rig: Rig, gain: float) -> Effect:
-    """Return an effect with its forces and commands in proportion to those that move a film behind an amplifier."""
-    strengths = [effect.described(effect.strength), *(site.strength for site in effect.places.values())]
-    sizes = _sizes(rig, gain) if any(p is not None and p.unit[0] in "NV" for p in strengths) else None
+def stroke(rig: Rig, film: Mounted) -> float:
+    """Return the usual displacement at the largest usual field, m; nan if there is no state of rest."""
+    # For a small voltage, it is proportional to the voltage squared. A soft film would pull in before that field.
+    plant, highest = rig.with_effects(), FIELD * film.thickness / film.gain
+    rests = [rest_state(plant.equations, SMALL * command, plant.free_values) for command in (0.0, highest)]
+    if not all(rest.found for rest in rests):
+        return np.nan
+    moved = abs(float(rests[1].x[0] - rests[0].x[0])) / SMALL**2
+    return min(moved, STRAIN * film.size)
+
+
+def scaled_to_film(effect: Effect, rig: Rig, film: Mounted) -> Effect:
+    """Return an effect with its lengths, forces and commands in proportion to those of a film actuator."""
+    described = [*effect.describe(), *(site.strength for site in effect.places.values())]
+    units = {name for p in described if p is not None for name in re.findall("[A-Za-z]+", p.unit)}
+    sizes = None if units.isdisjoint(("m", "N", "V")) else _sizes(rig, film)
     return effect if sizes is None else sizes.of(effect)
 
 
@@ -52,17 +79,17 @@ def command_size(gain: float) -> float:
 
 
 @lru_cache(maxsize=64)
-def _sizes(rig: Rig, gain: float) -> Sizes | None:
-    """Return the diaphragm's sizes with forces and commands of a rig's order; None if they are the same."""
-    # Friction, for example, matters by the displacement that it holds back, force divided by stiffness, and that is
-    # micrometres on all actuators, whether a film gives way or a stack does not.
-    force, command = _order(stiffness(rig) * MOTION / FORCE), command_size(gain)
-    if force == 1.0 and command == COMMAND:
-        return None
-    return Sizes(force=FORCE * force, command=command, voltage=VOLTAGE)
+def _sizes(rig: Rig, film: Mounted) -> Sizes | None:
+    """Return sizes of a rig's order of magnitude; None if they are those of the diaphragm."""
+    motion = stroke(rig, film) / MOTION
+    force = motion * stiffness(rig) * MOTION / FORCE
+    sizes = Sizes(
+        motion=MOTION * _order(motion), force=FORCE * _order(force), command=command_size(film.gain), voltage=VOLTAGE
+    )
+    return None if sizes == Sizes(voltage=VOLTAGE) else sizes
 
 
 def _order(ratio: float) -> float:
-    """Return the nearest power of ten to a ratio, and 1 if it is unknown."""
+    """Return the nearest power of ten to a ratio, and 1 if it is unknown or 0."""
     # Each ratio has compiled equations of its own, and the ranges of effects span decades.
-    return 10.0 ** float(np.rint(np.log10(ratio))) if np.isfinite(ratio) else 1.0
+    return 10.0 ** float(np.rint(np.log10(ratio))) if 0.0 < ratio < np.inf else 1.0

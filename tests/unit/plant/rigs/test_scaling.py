@@ -12,6 +12,8 @@ from deatwin.plant import (
     CoulombFriction,
     Diaphragm,
     Disc,
+    Material,
+    Parameter,
     Planar,
     Plant,
     Pressure,
@@ -19,9 +21,10 @@ from deatwin.plant import (
     Stack,
 )
 from deatwin.plant.effects.places import everywhere
-from deatwin.plant.effects.sizes import FORCE, MOTION
+from deatwin.plant.effects.sizes import FORCE
+from deatwin.plant.laws import VACUUM_PERMITTIVITY, neo_hookean
 from deatwin.plant.rest import rest_state
-from deatwin.plant.rigs.scaling import stiffness
+from deatwin.plant.rigs.scaling import FIELD, Mounted, stiffness, stroke
 
 RIGS = (
     Diaphragm(),
@@ -45,27 +48,37 @@ def test_a_spring_adds_its_rate():
     assert stiffness(beside) - stiffness(film) == pytest.approx(5e3, rel=1e-6)
 
 
+def test_a_stack_contracts_at_the_usual_field_by_the_maxwell_stress_over_youngs_modulus():
+    modulus = Parameter(name="shear_modulus", value=3e6, unit="Pa", lower=1e3, upper=1e7)
+    relative = Parameter(name="permittivity", value=2.8, unit="1", lower=1.0, upper=10.0)
+    rig = Stack(material=Material(name="mine", energy=neo_hookean, elastic=(modulus,), permittivity=relative), load=0.0)
+    length = rig.layers * rig.thickness
+    strain = 2.8 * VACUUM_PERMITTIVITY * FIELD**2 / (3 * 3e6)
+    film = Mounted(gain=rig.gain, thickness=rig.thickness, size=length)
+    assert stroke(rig, film) == pytest.approx(
+        strain * length, rel=1e-3
+    )  # of the order of the strain at 1 % of the field
+
+
 @pytest.mark.parametrize("rig", RIGS, ids=lambda rig: rig.kind)
-def test_the_usual_friction_holds_back_micrometres_on_every_actuator(rig):
+def test_the_usual_friction_takes_the_same_share_of_the_force_on_every_actuator(rig):
     friction = next(effect for effect in rig.effects() if effect.name == "coulomb_friction")
-    held = friction.force / stiffness(rig)
-    usual = CoulombFriction().force / (FORCE / MOTION)
-    assert abs(np.log10(held / usual)) <= 0.5 + 1e-9  # forces are scaled by powers of ten
+    size = rig.frame_radius if isinstance(rig, Diaphragm) else rig._size
+    stretches = (rig.prestretch,) * 2 if isinstance(rig, Diaphragm) else rig._prestretches
+    film = Mounted(gain=rig.gain, thickness=rig.thickness / np.prod(stretches), size=size)
+    share = friction.force / (stiffness(rig) * stroke(rig, film))
+    assert abs(np.log10(share / (CoulombFriction().force / FORCE))) <= 0.5  # forces are scaled by powers of ten
     lower, upper = (getattr(friction.described("force"), end) for end in ("lower", "upper"))
     assert lower == 0.0 and upper / friction.force == pytest.approx(0.02 / 0.7e-3)
 
 
-def test_only_forces_are_scaled():
-    soft, stiff = ({effect.name: effect for effect in everywhere(rig.effects())} for rig in (Diaphragm(), Stack()))
-    changed = {
-        name
-        for name, effect in stiff.items()
-        if effect.described(effect.strength) != soft[name].described(effect.strength)
-    }
-    forces = {name for name, effect in soft.items() if effect.described(effect.strength).unit.startswith("N")}
-    assert changed == forces >= {"coulomb_friction", "hysteresis", "end_stop", "periodic_disturbance_at_force"}
-    ours, theirs = (effects["hysteresis"] for effects in (stiff, soft))
-    assert (ours.distance, ours.beta) == (theirs.distance, theirs.beta)
+def test_only_lengths_forces_and_commands_are_scaled():
+    usual, large = ({effect.name: effect for effect in everywhere(rig.effects())} for rig in (Diaphragm(), Planar()))
+    changed = {name for name, effect in large.items() if effect.describe() != usual[name].describe()}
+    assert changed >= {"coulomb_friction", "hysteresis", "end_stop", "sensor_drift", "periodic_disturbance_at_force"}
+    assert changed.isdisjoint({"creep", "resonance", "delay", "leakage", "amplifier_saturation", "sensor_lag"})
+    ours, theirs = (effects["hysteresis"] for effects in (large, usual))
+    assert ours.beta == theirs.beta and ours.distance == pytest.approx(100 * theirs.distance)
 
 
 def test_a_saved_plant_keeps_its_scaled_effects():
