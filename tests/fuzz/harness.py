@@ -35,11 +35,9 @@ READERS = (
     "deatwin.plant.safe_read",
     "deatwin.plant.schemacheck",
     "deatwin.scenarios.concealed_physics.results",
-    "deatwin.scenarios.concealed_physics.results",
     "deatwin.scenarios.concealed_physics.study",
     "deatwin.scenarios.concealed_physics.page",
     "deatwin.studies.folder",
-    "deatwin.studies.public",
     "deatwin.studies.sweep",
 )
 """How the names of modules begin that read files; instrumenting the other 600 takes longer than the fuzzing."""

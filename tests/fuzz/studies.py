@@ -1,6 +1,5 @@
-"""Files that studies keep, and public recordings: how they are read, and sound ones to start from."""
+"""Files that studies keep: how they are read, and sound ones to start from."""
 
-import io
 import json
 import shutil
 import tempfile
@@ -10,14 +9,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from readers import SEEDS, Kind
 
 from deatwin.app.live.verdicts import Verdict
-from deatwin.plant.recording import Experiment
-from deatwin.scenarios import vhb4910
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.public.columns import csv_columns, hdf5_vectors, matlab_vectors
 from deatwin.studies.sweep.seal import SweepSeal
 from deatwin.studies.sweep.store import CaseStore, read_seal
 
@@ -107,52 +102,6 @@ def require_cleared(found: set[str]) -> None:
     assert found >= {"kept.csv", "results/own.txt", "results/figures/kept.txt", "results/run.json"}
 
 
-def require_numbers(found: Any) -> None:
-    """Finite samples."""
-    vectors = found.values() if isinstance(found, Mapping) else found
-    assert all(np.size(values) and np.isfinite(values).all() for values in vectors)
-
-
-@cache
-def matlab_seeds() -> tuple[bytes, ...]:
-    """As EMPS was published."""
-    from scipy.io import savemat
-
-    column, found = np.arange(1.0, 13.0)[:, None], []
-    for packed in (True, False):
-        stream = io.BytesIO()
-        savemat(
-            stream, {"qg": column, "qm": 2 * column, "gtau": [[35.15]], "pulses_N": 0 * column}, do_compression=packed
-        )
-        found.append(stream.getvalue())
-    return tuple(found)
-
-
-@cache
-def hdf5_seeds() -> tuple[bytes, ...]:
-    """As the Bouc-Wen benchmark was stored."""
-    import h5py
-
-    stream = io.BytesIO()
-    with h5py.File(stream, "w") as file:
-        for name in ("u", "y"):
-            file.create_dataset(f"multisine/{name}", data=np.arange(12.0)[:, None], chunks=(12, 1), compression="gzip")
-    return (stream.getvalue(),)
-
-
-def pull_seeds() -> tuple[bytes, ...]:
-    """As VHB 4910 was published."""
-    rows = "".join(f'"{0.02 * k:.2f}","{0.8 * k:.3f}","{0.1 * k:.3f}"\n' for k in range(12))
-    return (('"时间","位移","力"\n"(s)","(mm)","(N)"\n' + rows).encode("gbk"),)
-
-
-def require_pull(found: Experiment) -> None:
-    """Finite, on the stretch of a strip."""
-    (record,) = found.recordings
-    assert np.isfinite(record.inputs).all() and np.isfinite(record.outputs).all()
-
-
-BOX = b'"V1","V2",\n' + b"".join(b"%.4f,%.4f,\n" % (0.1 * k, 0.2 * k) for k in range(12))
 STUDIES: Mapping[str, Kind] = {
     "seal": Kind(
         stem="seal",
@@ -168,25 +117,4 @@ STUDIES: Mapping[str, Kind] = {
     "former run": Kind(
         stem="run", ending=".json", read=cleared, require_sound=require_cleared, seeds=lambda: as_bytes(run_record())
     ),
-}
-PUBLIC: Mapping[str, Kind] = {
-    "public csv": Kind(
-        ending=".csv",
-        read=lambda path: [csv_columns(path, ("V1", "V2"))],
-        require_sound=require_numbers,
-        seeds=lambda: (BOX,),
-    ),
-    "public mat": Kind(
-        ending=".mat",
-        require_sound=require_numbers,
-        seeds=matlab_seeds,
-        read=lambda path: matlab_vectors(path, ("qg", "qm"), single=("gtau",), optional=("pulses_N",)),
-    ),
-    "public hdf5": Kind(
-        ending=".h5",
-        read=lambda path: hdf5_vectors(path, "multisine", ("u", "y")),
-        require_sound=require_numbers,
-        seeds=hdf5_seeds,
-    ),
-    "pull": Kind(ending=".csv", read=vhb4910.pull, require_sound=require_pull, seeds=pull_seeds),
 }
