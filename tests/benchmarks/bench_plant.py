@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from peers import Peer, hand_written_peer, scipy_peer, sundials_peer
+from peers import Peer, scipy_peer, sundials_peer
 from stopwatch import timed
 
 from deatwin.ident.parallel import run_jobs
@@ -104,15 +104,6 @@ def against_peers(name: str, plant: Plant) -> None:
 def exact_readings(plant: Plant, commands: np.ndarray) -> np.ndarray:
     """The judge of accuracy."""
     return scipy_peer(plant, "Radau", 1e-9)(commands)
-
-
-def against_hand_written(plant: Plant) -> None:
-    commands = excitation(plant.rig.sample_time)
-    peer = hand_written_peer(plant)
-    difference = np.abs(peer(commands) - own(plant, commands)).max()
-    ratio = timed(lambda: own(plant, commands)) / timed(lambda: peer(commands))
-    print(f"  hand-written C loop of the same scheme: ours takes {ratio:.2f} times as long")
-    print(f"    (their readings are {difference:.0e} m apart)")
 
 
 def sensitivities(name: str, plant: Plant) -> None:
@@ -219,7 +210,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
             against_peers(name, plant)
         cold_compile(plant)
     print("\nbase:")
-    against_hand_written(base)
     sensitivities("base", base)
     sensitivities("base with a dry friction", base.with_effects(CoulombFriction()))
     sensitivities("base with a lag of the sensor", base.with_effects(SensorLag()))

@@ -5,7 +5,6 @@ Each takes a plant and commands and gives the reading at the end of each sample,
 
 from __future__ import annotations
 
-import ctypes
 import subprocess
 import tempfile
 from collections.abc import Callable
@@ -16,12 +15,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from deatwin.plant import Plant
-from deatwin.plant.equations import STAGES
-from deatwin.plant.integrator.collocation import radau
 from deatwin.plant.integrator.compiled import compile_functions, compiler
-from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.rest import rest_state
-from deatwin.plant.rigs.reduced import POINTS
 
 UPDATES = 4
 """Of Newton's method on the algebraic coordinates in each call of a right-hand side, from where the last one ended."""
@@ -159,83 +154,3 @@ def _compiled_with_jacobian(function: ca.Function) -> ca.Function:
     code.write_text(generator.dump())
     subprocess.run([str(compiler()), "-O2", "-fPIC", "-shared", str(code), "-o", str(library), "-lm"], check=True)
     return ca.external(function.name(), str(library))
-
-
-def hand_written_peer(plant: Plant) -> Peer:
-    """The same scheme in a C loop that was written by hand for the base plant (diaphragm.c)."""
-    equations = plant.equations
-    rest = rest_state(equations, plant.rig.start.rest_command, plant.free_values)
-    folder = Path(tempfile.mkdtemp())
-    library = folder / "diaphragm.so"
-    code = Path(__file__).with_name("diaphragm.c")
-    flags = [
-        "-O3",
-        f"-DPOINTS={POINTS}",
-        "-march=native",
-        "-fno-math-errno",
-        "-fno-trapping-math",
-        "-freciprocal-math",
-        "-fPIC",
-        "-shared",
-    ]
-    subprocess.run([str(compiler()), *flags, str(code), "-o", str(library), "-lm"], check=True)
-    march = ctypes.CDLL(str(library)).march
-    march.restype = ctypes.c_long
-    values, numbers = plant.free_values, _numbers(plant)
-    coefficients, start = _scheme(), np.concatenate([rest.x, rest.z])
-
-    def pointer(array: np.ndarray) -> ctypes.c_void_p:
-        return ctypes.c_void_p(array.ctypes.data)
-
-    def run(commands: np.ndarray) -> np.ndarray:
-        inputs, readings = np.ascontiguousarray(commands), np.full(commands.size, np.nan)
-        march(
-            pointer(values),
-            pointer(numbers),
-            pointer(coefficients),
-            pointer(start),
-            ctypes.c_double(rest.d[0]),
-            ctypes.c_double(plant.rig.sample_time),
-            ctypes.c_double(SETTLED),
-            pointer(inputs),
-            ctypes.c_long(inputs.size),
-            pointer(readings),
-        )
-        return readings
-
-    return run
-
-
-def _numbers(plant: Plant) -> np.ndarray:
-    """Constants of the rig in the order of the C structure."""
-    rig = plant.rig
-    edges = np.array([rig.contact_radius, rig.electrode_radius, rig.frame_radius]) / rig.prestretch
-    abscissae, weights = np.polynomial.legendre.leggauss(POINTS)
-    half = np.diff(np.log(edges))[:, None] / 2
-    radius = np.exp(np.log(edges[:-1, None]) + half * (1 + abscissae))
-    area = 2 * np.pi * radius**2 * half * weights
-    single = [rig.mass, rig.gain, rig.thickness, rig.frame_radius, edges[2], edges[1], edges[0]]
-    return np.concatenate([single, *radius, *area])
-
-
-def _scheme() -> np.ndarray:
-    """Coefficients in the order of the C structure."""
-    nodes, matrix = radau(STAGES)
-    values, vectors = np.linalg.eig(np.linalg.inv(matrix))
-    inverse = np.linalg.inv(vectors)
-    (real,) = np.flatnonzero(np.abs(values.imag) < 1e-9)
-    pairs = np.flatnonzero(values.imag > 1e-9)
-    return np.concatenate(
-        [
-            nodes,
-            [values[real].real],
-            vectors[:, real].real,
-            inverse[real].real,
-            values[pairs].real,
-            values[pairs].imag,
-            vectors[:, pairs].T.real.ravel(),
-            vectors[:, pairs].T.imag.ravel(),
-            inverse[pairs].real.ravel(),
-            inverse[pairs].imag.ravel(),
-        ]
-    )

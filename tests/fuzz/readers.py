@@ -1,6 +1,6 @@
 """What every reader must do with whatever bytes it is given, and sound files to start from.
 
-The harnesses of this folder (`fuzz_*.py`, for atheris) and tests/property/test_readers_fuzzed.py share it.
+`fuzz.py` (for atheris) and tests/property/test_readers_fuzzed.py share it.
 """
 
 import io
@@ -77,7 +77,6 @@ class Kind:
     read: Callable[[Path], Any]
     require_sound: Callable[[Any], None]
     seeds: Callable[[], tuple[bytes, ...]]
-    stem: str = "taken"
 
 
 class TooSlow(BaseException):
@@ -99,7 +98,7 @@ def probe(kind: Kind, content: bytes) -> Any:
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        path = Path(folder) / f"{kind.stem}{kind.ending}"
+        path = Path(folder) / f"taken{kind.ending}"
         path.write_bytes(content)
         try:
             with limited(), mock.patch.object(apart, "trial", forked if hasattr(os, "fork") else apart.trial):

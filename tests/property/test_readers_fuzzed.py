@@ -22,18 +22,14 @@ from deatwin.plant.rigs.rigkinds import rig_schema
 from deatwin.plant.schemacheck import shape_fault, shipped_schema
 
 FUZZ = Path(__file__).parents[1] / "fuzz"
-MODULES = ("readers", "mutations", "studies")
+MODULES = ("readers", "mutations")
 RECORDINGS = ("csv", "lvm", "xlsx", "mat", "mat73", "tdms", "netcdf", "netcdf4")
 MODELS = ("plant", "narx", "linear", "states", "diagnosis", "check", "theta", "validation", "controller")
-PUBLIC = ("public csv", "public mat", "public hdf5", "pull")
-KINDS = (*RECORDINGS, "rig", *MODELS, "seal", "case", "shown run", "former run", *PUBLIC)
+KINDS = (*RECORDINGS, "rig", *MODELS)
 DOCUMENTS = ("plant", "narx", "linear", "diagnosis", "check", "theta", "validation")
-STUDIES = ("seal", "shown run", "former run")
-"""JSON that studies keep."""
-BINARY = ("xlsx", "mat", "mat73", "tdms", "netcdf", "netcdf4", "case", "public mat", "public hdf5", "pull")
+BINARY = ("xlsx", "mat", "mat73", "tdms", "netcdf", "netcdf4")
 """No text."""
 NEEDS = {
-    "public hdf5": ["h5py"],
     "xlsx": ["openpyxl"],
     "mat73": ["h5py"],
     "tdms": ["nptdms"],
@@ -54,7 +50,7 @@ json_values = st.recursive(
 
 @pytest.fixture(scope="module")
 def fuzz() -> Iterator[dict[str, ModuleType]]:
-    """The modules that the harnesses of atheris use too; scripts, not a package."""
+    """The modules that tests/fuzz/fuzz.py uses too; scripts, not a package."""
     sys.path.insert(0, str(FUZZ))
     try:
         yield {name: importlib.import_module(name) for name in MODULES}
@@ -64,24 +60,19 @@ def fuzz() -> Iterator[dict[str, ModuleType]]:
             sys.modules.pop(name, None)
 
 
-def kinds(fuzz: dict[str, ModuleType]) -> dict[str, Any]:
-    """All kinds of files by their names."""
-    return {**fuzz["readers"].KINDS, **fuzz["studies"].STUDIES, **fuzz["studies"].PUBLIC}
-
-
 def require_packages(kind: str) -> None:
     for package in NEEDS.get(kind, ()):
         pytest.importorskip(package)
 
 
 def test_every_kind_of_file_is_spoilt_here(fuzz: dict[str, ModuleType]) -> None:
-    assert tuple(kinds(fuzz)) == KINDS
+    assert tuple(fuzz["readers"].KINDS) == KINDS
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_files_that_are_sound_are_read(kind: str, fuzz: dict[str, ModuleType]) -> None:
     require_packages(kind)
-    chosen = kinds(fuzz)[kind]
+    chosen = fuzz["readers"].KINDS[kind]
     for seed in chosen.seeds():
         assert fuzz["readers"].probe(chosen, seed) is not None
 
@@ -93,7 +84,7 @@ def test_spoilt_files_give_a_sound_object_or_one_clear_error(
     kind: str, fuzz: dict[str, ModuleType], data: st.DataObject
 ) -> None:
     require_packages(kind)
-    chosen = kinds(fuzz)[kind]
+    chosen = fuzz["readers"].KINDS[kind]
     seed = data.draw(st.sampled_from(chosen.seeds()))
     content = fuzz["mutations"].mutated(seed, lambda low, high: data.draw(st.integers(low, high)))
     fuzz["readers"].probe(chosen, content)
@@ -104,7 +95,7 @@ def test_spoilt_files_give_a_sound_object_or_one_clear_error(
 @given(content=st.binary(max_size=300) | st.text(max_size=100).map(lambda text: text.encode("utf-8", "replace")))
 def test_any_bytes_give_one_clear_error(kind: str, fuzz: dict[str, ModuleType], content: bytes) -> None:
     require_packages(kind)
-    fuzz["readers"].probe(kinds(fuzz)[kind], content)
+    fuzz["readers"].probe(fuzz["readers"].KINDS[kind], content)
 
 
 def lengthened(content: bytes, spoilt: int) -> Iterator[bytes]:
@@ -123,7 +114,7 @@ def lengthened(content: bytes, spoilt: int) -> Iterator[bytes]:
 def test_files_with_a_word_of_thousands_of_characters_give_a_short_error(
     kind: str, fuzz: dict[str, ModuleType]
 ) -> None:
-    chosen = kinds(fuzz)[kind]
+    chosen = fuzz["readers"].KINDS[kind]
     spoilt = 6 if kind == "csv" else 20  # the rows of a table are alike, the words of a document are not
     for seed in chosen.seeds():
         for content in lengthened(seed, spoilt):
@@ -149,13 +140,13 @@ def changed(document: Any, path: tuple[Any, ...], value: Any) -> Any:
     return copied
 
 
-@pytest.mark.parametrize("kind", [*DOCUMENTS, "controller", *STUDIES])
+@pytest.mark.parametrize("kind", [*DOCUMENTS, "controller"])
 @settings(bounded, max_examples=60)
 @given(data=st.data())
 def test_documents_with_another_value_give_a_sound_object_or_one_clear_error(
     kind: str, fuzz: dict[str, ModuleType], data: st.DataObject
 ) -> None:
-    chosen = kinds(fuzz)[kind]
+    chosen = fuzz["readers"].KINDS[kind]
     document = json.loads(chosen.seeds()[0])
     path = data.draw(st.sampled_from(list(places(document))))
     spoilt = changed(document, path, data.draw(json_values))
@@ -277,11 +268,10 @@ def test_every_written_rig_file_is_as_reader_and_schema_have_it() -> None:
         jsonschema.validate(rig, shipped_schema("deatwin/rig/1"))
 
 
-@pytest.mark.parametrize("kind", ["mat", "public mat"])
 def test_elements_of_types_that_there_are_not_are_refused_before_scipy_crashes_on_them(
-    kind: str, fuzz: dict[str, ModuleType]
+    fuzz: dict[str, ModuleType],
 ) -> None:
-    chosen = kinds(fuzz)[kind]
+    chosen = fuzz["readers"].KINDS["mat"]
     plain = next(seed for seed in chosen.seeds() if seed[128:132] == b"\x0e\0\0\0")  # of version 5, not packed
     spoilt = plain.replace(b"\x09\0\0\0", b"\x09\x08\0\0")  # the type of doubles
     assert spoilt != plain

@@ -8,7 +8,6 @@ from typing import Any
 
 from markdown_tables import markdown_table
 
-from deatwin.plant.errors import DataError
 from deatwin.studies.sweep.store import read_object
 
 STORY = "deatwin/control-story/2"
@@ -22,18 +21,15 @@ TABLES = ("tracking", "fleet", "models", "concealed")
 def story_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
     """Read a story without its trials."""
     found, run = (read_object(Path(folder) / name) for name in ("control-check.json", "run.json"))
-    try:
-        tables = [{key: table[key] for key in ("title", "columns", "rows")} for table in found["tables"]]
-        return {
-            "schema": STORY,
-            "seed": run["seed"],
-            "version": run["versions"]["deatwin"],
-            "remark": remark,
-            "measures": [row for row in found["measures"] if not row["measure"].startswith(OF_TRIALS)],
-            "tables": tables[: len(TABLES)],
-        }
-    except (KeyError, TypeError, AttributeError) as error:
-        raise DataError(f"{folder}: its control-check.json or run.json is no story's: {error!r}") from None
+    tables = [{key: table[key] for key in ("title", "columns", "rows")} for table in found["tables"]]
+    return {
+        "schema": STORY,
+        "seed": run["seed"],
+        "version": run["versions"]["deatwin"],
+        "remark": remark,
+        "measures": [row for row in found["measures"] if not row["measure"].startswith(OF_TRIALS)],
+        "tables": tables[: len(TABLES)],
+    }
 
 
 def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:

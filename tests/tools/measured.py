@@ -139,37 +139,32 @@ def measured_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
 def _told(folder: Path, name: str, remark: str) -> dict[str, list[dict[str, Any]]]:
     result, run = (read_object(folder / file) for file in (f"{name}.json", "run.json"))
     story = {"story": name}
-    try:
-        return {
-            "stories": [{**story, "seed": run["seed"], "version": run["versions"]["deatwin"], "remark": remark}],
-            "measures": [
-                {
-                    **story,
-                    **{key: str(row[key]) for key in ("measure", "demanded", "reached")},
-                    "passed": bool(row["passed"]),
-                }
-                for row in result["measures"]
-            ],
-            "recordings": [
-                {
-                    **story,
-                    "verdict": result["verdict"],
-                    "causes": list(result["causes"]),
-                    "recording": recording,
-                    "base": float(errors["base"]),
-                    "amended": float(errors["amended"]),
-                    "black_boxes": dict(errors["black_boxes"]),
-                }
-                for recording, errors in result["held_out"].items()
-            ]
-            if name in SYSTEMS
-            else [],
-            "tasks": [{**story, **{key: row[key] for key in _TASK}} for row in result["errors"]]
-            if name == TASKS
-            else [],
-        }
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise DataError(f"{folder}: its {name}.json or run.json is not that scenario's: {error!r}") from None
+    return {
+        "stories": [{**story, "seed": run["seed"], "version": run["versions"]["deatwin"], "remark": remark}],
+        "measures": [
+            {
+                **story,
+                **{key: str(row[key]) for key in ("measure", "demanded", "reached")},
+                "passed": bool(row["passed"]),
+            }
+            for row in result["measures"]
+        ],
+        "recordings": [
+            {
+                **story,
+                "verdict": result["verdict"],
+                "causes": list(result["causes"]),
+                "recording": recording,
+                "base": float(errors["base"]),
+                "amended": float(errors["amended"]),
+                "black_boxes": dict(errors["black_boxes"]),
+            }
+            for recording, errors in result["held_out"].items()
+        ]
+        if name in SYSTEMS
+        else [],
+        "tasks": [{**story, **{key: row[key] for key in _TASK}} for row in result["errors"]] if name == TASKS else [],
+    }
 
 
 def _recordings(rows: Rows) -> list[str]:

@@ -34,7 +34,7 @@ PLACES = {
     "python tests/benchmarks/bench_diagnose.py --case CASE --jobs 2": "a benchmark takes minutes, and no timing decides a test",
     "python tests/benchmarks/bench_plant.py": "a benchmark takes minutes, and no timing decides a test",
     "python tests/benchmarks/bench_sweep.py": "a benchmark takes minutes, and no timing decides a test",
-    "python tests/fuzz/fuzz_recordings.py --seconds 300": "tests/property/test_readers_fuzzed.py, for ten seconds",
+    "python tests/fuzz/fuzz.py recordings --seconds 300": "tests/property/test_readers_fuzzed.py, for ten seconds",
     "python tests/tools/membrane_rig.py OUT --seed 9001 --seconds 270 --effect electrode_rc:time=0.05 --effect "
     "creep:modulus=40e3,time=20": "tests/unit/tools/test_membrane_rig.py, for some seconds",
     "python tests/tools/evidence.py docs": "tests/unit/tools/test_evidence.py",

@@ -1,13 +1,11 @@
 """Do actuators differ in the frequency domain? Repeats of one that is steady do not; drift is told from difference.
 
-Two sizes: a few repeats and a few actuators always, many repeats and all six as a study:
-``python -m pytest -m study tests/validation/test_frequency_comparison.py``.
+A few repeats and a few actuators: the scenario frequency-uncertainty does the same with many repeats and all six.
 """
 
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from needs import COMPILED
 
 from deatwin.ident.frequency.comparison.compare import Agreement
@@ -62,32 +60,3 @@ def test_two_fabrications_differ_and_an_actuator_that_drifts_does_not_from_itsel
     # it began as the same actuator: what differs on average must be the drift's
     assert Agreement.DIFFERENT not in found["third", "third, drifting"]
     assert found["third", "third, drifting"].count(Agreement.DRIFT) >= 6
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("duration", [300.0, 1080.0])
-def test_the_rate_of_false_findings_over_many_repeats(duration):
-    """40 independent pairs: tests of one pair depend on each other, so that the rate of 5 % scatters by 2 to 3 %."""
-    one = fleet()[0]
-    tables = [
-        compared({name: recorded(one, STEADY, (720, k, n), duration) for n, name in enumerate("ab")}) for k in range(40)
-    ]
-    p = np.array([[d.p_value for d in table.differences] for table in tables])
-    assert np.mean(p < 0.05) <= 0.12
-    assert np.mean([table.share for table in tables]) <= 0.05
-    assert np.mean([not table.ok for table in tables]) <= 0.15
-    assert np.mean([d.p_value < 0.05 for table in tables for d in table.drifts]) <= 0.12
-
-
-@pytest.mark.study
-def test_all_six_differ_without_their_histories_and_with_them_their_drifts_are_seen():
-    steady, as_they_are = (
-        compared({one.name: recorded(one, variant, (730, n), 1080.0) for n, one in enumerate(fleet())})
-        for variant in (STEADY, RECORDED)
-    )
-    assert sum(d.agreement is Agreement.DIFFERENT for d in steady.differences) > 0.4 * len(steady.differences)
-    assert not any(d.drifts for d in steady.drifts)
-    assert as_they_are.share > 0.5
-    # a drift that cannot be ruled out as the cause of a difference is named
-    assert len({d.name for d in as_they_are.drifts if d.drifts}) >= 4
-    assert any(d.agreement is Agreement.DRIFT for d in as_they_are.differences)

@@ -242,6 +242,14 @@ def test_a_damaged_result_is_a_fault_and_no_traceback(text, root):
     assert "broken/diagnosis.json: " in compare([verdict]).html()
 
 
+@pytest.mark.parametrize("text", ["", "[]", '{"inputs": 1}', '{"inputs": [], "seconds": {}}', "[" * 100_000])
+def test_a_verdict_is_read_beside_a_damaged_record(text, root):
+    write_result(root / "found", {})
+    (root / "found" / "run.json").write_text(text, encoding="utf-8")
+    verdict = Verdict.read(root, "found")
+    assert (verdict.verdict, verdict.fault, verdict.seconds) == ("named", "", None)
+
+
 def test_a_result_that_lies_outside_is_not_read(root):
     write_result(root.parent / "elsewhere")
     assert "lies outside of" in Verdict.read(root, "../elsewhere").fault

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable
-from functools import wraps
+from functools import partial
 from inspect import signature
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.plant.arguments import taking
 from deatwin.plant.arrays import real_numbers
 from deatwin.plant.errors import DataError
 
@@ -18,20 +19,8 @@ Result = TypeVar("Result")
 
 def with_numbers(make: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Decorate a function so that its arguments that are annotated as float or int are checked first."""
-    parameters = signature(make)
-    kinds = {name: one.annotation for name, one in parameters.parameters.items() if one.annotation in (float, int)}
-
-    @wraps(make)
-    def checked(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
-        try:
-            given = parameters.bind(*args, **kwargs).arguments
-        except TypeError:
-            return make(*args, **kwargs)  # Python's own error names the function, too
-        for name in kinds.keys() & given.keys():
-            _require_number(given[name], name, kinds[name])
-        return make(*args, **kwargs)
-
-    return checked
+    kinds = {name: one.annotation for name, one in signature(make).parameters.items()}
+    return taking(**{n: partial(_require_number, kind=kind) for n, kind in kinds.items() if kind in (float, int)})(make)
 
 
 def _require_number(value: Any, name: str, kind: type) -> None:

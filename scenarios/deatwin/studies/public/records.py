@@ -174,7 +174,7 @@ def emps(folder: Path) -> DataSet:
 def _emps(path: Path) -> Recording:
     from scipy.signal import decimate
 
-    data = matlab_vectors(path, ("vir", "qm"), single=("gtau",))
+    data = matlab_vectors(path, ("vir", "qm", "gtau"))
     require_samples(path, data["qm"].size, EMPS_LEAST)
     force = data["vir"] * data["gtau"][0]  # motor force as recorded, which already includes the pulses
     position, step = data["qm"], 1e-3

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import fmi2
-import fmi3
 import numpy as np
 import pytest
 from foreign_models import PARAMETERS, commands, experiment, motor
@@ -84,16 +83,6 @@ def test_an_fmu_of_version_2_moves_as_its_equations(folder: Path, kind: str) -> 
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_fmu_of_version_3_moves_as_its_equations(tmp_path: Path, kind: str, c_compiler: str) -> None:
-    made = fmi3.build(tmp_path / "motor.fmu", c_compiler)
-    model = FmuModel.of(made, inputs=("voltage",), output="speed", kind=kind)
-    values = VALUES | {"inertia": 1.2e-4}
-    expected = motor(values, {"voltage": commands()}, ROWS)
-    found = model({"inertia": 1.2e-4}, {"voltage": commands()}, ROWS)
-    assert found == pytest.approx(expected, abs=KINDS[kind] * np.ptp(expected))
-
-
-@pytest.mark.parametrize("kind", KINDS)
 def test_a_reading_at_the_start_of_a_row_is_that_at_the_end_of_the_row_before(folder: Path, kind: str) -> None:
     ends = read(plant(folder, kind))
     starts = plant(folder, kind, reading=ReadingTime.START_OF_HOLD).rig.model({}, {"voltage": commands()}, ROWS)
@@ -147,6 +136,7 @@ def test_a_plant_of_an_fmu_is_saved_with_its_digest(folder: Path, tmp_path: Path
 
 @pytest.mark.parametrize("late", [False, True])
 def test_an_fmu_that_deatwin_exported_moves_as_its_plant(tmp_path: Path, late: bool, c_compiler: str) -> None:
+    """Of version 3: for model exchange and, with a dead time, for co-simulation."""
     sheet = Plant(rig=Planar(sample_time=0.02), effects=(Delay(time=0.05),) if late else ())
     held = np.repeat(np.random.default_rng(0).uniform(0.0, 3.0, 6), 10)
     path = tmp_path / "sheet.fmu"
