@@ -368,6 +368,7 @@ def read_table(path: str | Path) -> CsvTable:
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
     text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
+    text = text.replace("\n\ufeff", "\n")  # the mark at the start of each of the files that were joined
     text = _DASH.sub("-", text) if "\u2013" in text else text
     text = _SIGN_APART.sub(r"\1", text) if "+ " in text or "- " in text else text
     lines = text.split("\n")
