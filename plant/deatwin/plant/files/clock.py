@@ -129,10 +129,10 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
 
 
 def _overflow(back: float) -> str:
-    """Return the advice if times fall by a minute, or by as much as a counter of 16 or 32 bits holds in s, ms or us."""
+    """Return the advice if times fall by a minute, or by as much as a counter of 16, 24 or 32 bits holds in s, ms or us."""
     if abs(back / 60.0 - 1.0) < _FULL:
         return "there the seconds of a minute begin again: write hours, minutes and seconds in one column, as in 12:00:00.25"
-    full = (2.0**bits / rate for bits in (32, 16) for rate in (1e6, 1e3, 1.0))
+    full = (2.0**bits / rate for bits in (32, 24, 16) for rate in (1e6, 1e3, 1.0))
     size = next((size for size in full if abs(back / size - 1.0) < _FULL), None)
     return "" if size is None else f"there the counter of the times began again at 0: add {size:.10g} s from there on"
 

@@ -469,3 +469,55 @@ def test_a_factor_is_no_position_and_the_number_of_a_row_no_reading(tmp_path: Pa
     assert [column.role for column in found.columns] == ["time", "input", "output"]
     (tmp_path / "meter.csv").write_text("NO.,Time,Value\n" + table(range(60), T, U), encoding="utf-8")
     assert not understand(tmp_path / "meter.csv").recordings
+
+
+COUNTS = {
+    "a sample is missing": ("Sample", [k + (k > 30) for k in range(60)], "goes from 30 to 32 in row 33"),
+    "a sample is repeated": ("i", [k - (k > 30) for k in range(60)], "goes from 30 to 30 in row 33"),
+    "the count begins again": ("n", [k % 40 + 1 for k in range(60)], "goes from 40 to 1 in row 42"),
+    "another trial begins": ("trial", [1 + k // 20 for k in range(60)], "goes from 1 to 2 in row 22"),
+    "another run begins": ("Run no.", ["AB"[k // 30] for k in range(60)], "goes from A to B in row 32"),
+    "each row has its number": ("Sample", range(60), ""),
+    "the counter has one byte": ("seq", [(k + 200) % 256 for k in range(60)], ""),
+    "the counter has two digits": ("seq", [(k + 70) % 100 for k in range(60)], ""),
+    "another column has levels": ("truncated", [1 + k // 20 for k in range(60)], ""),
+    "there is one trial": ("trial", [7] * 60, ""),
+}
+
+
+@pytest.mark.parametrize("kind", COUNTS)
+def test_rows_that_do_not_follow_each_other_are_named_if_a_sample_time_is_stated(tmp_path: Path, kind: str) -> None:
+    name, column, said = COUNTS[kind]
+    (tmp_path / "r.csv").write_text(f"{name},u_V,y_mm\n" + table(column, U, Y), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", dt=0.02)
+    np.testing.assert_array_equal(found.inputs[0], U)
+    assert said in found.provenance.get("clock", "")
+    assert bool(said) == ("clock" in found.provenance)
+
+
+def test_a_time_that_is_the_same_in_all_rows_is_no_clock(tmp_path: Path) -> None:
+    """The time of the start beside a count: another column, or the stated sample time, is the clock."""
+    (tmp_path / "r.csv").write_text("Time,ms,u_V,y_mm\n" + table(["10:11:12"] * 60, 20 * np.arange(60), U, Y), "utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert found.sample_time == pytest.approx(0.02)
+    (tmp_path / "r.csv").write_text("Time,n,u_V,y_mm\n" + table(["10:11:12"] * 60, range(60), U, Y), "utf-8")
+    with pytest.raises(DataError, match=r'"Time" holds the same time in all rows; .*--dt'):
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", dt=0.01)
+    assert found.sample_time == 0.01
+
+
+def test_times_in_samples_are_no_seconds(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("Time (samples),u_V,y_mm\n" + table(range(60), U, Y), "utf-8")
+    with pytest.raises(DataError, match="if the column counts the samples, state the sample time: --dt SECONDS"):
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", dt=0.01)
+    assert found.sample_time == 0.01
+
+
+def test_the_name_of_a_time_zone_may_follow_its_offset(tmp_path: Path) -> None:
+    times = [f"2024-05-01T10:11:{12 + 0.02 * k:05.2f}+02:00[Europe/Berlin]" for k in range(60)]
+    (tmp_path / "r.csv").write_text("time,u_V,y_mm\n" + table(times, U, Y), "utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert found.sample_time == pytest.approx(0.02)
+    assert found.provenance["clock_began"] == "2024-05-01T08:11:12+00:00"
