@@ -155,6 +155,8 @@ FILES = {
     "unsorted.csv": table(row_8="0.04,2.0,0.3"),
     "uneven.csv": table(row_8="0.127,2.0,0.3"),
     "drifting.csv": HEADER + "".join(f"\n{0.02 * k + 4e-6 * k * k:.7f},{2 + math.sin(k):.4f},0.3" for k in range(60)),
+    "started.csv": "time,command_V,displacement_mm\n"
+    + "".join(f"10:11:12,{2 + math.sin(k):.4f},0.3\n" for k in range(40)),
     "jiffies.csv": table("time (jiffies),command_V,displacement_mm"),
     "serials.csv": table("time,command_V,displacement_mm", samples=0)
     + "".join(f"{45000 + 2e-7 * k:.7f},{2 + math.sin(k):.4f},0.3\n" for k in range(40)),
