@@ -124,6 +124,7 @@ FILES = {
     "clockless.csv": table("number,command_V,displacement_mm"),
     "unit.csv": table("time_s,command_mm,displacement_mm"),
     "mega.csv": table("time_s,command_MV,displacement_mm"),
+    "counts.csv": table("time_s,DAC counts,displacement_mm"),
     "scaled.csv": table("time_s,HV (V/kV),displacement_mm"),
     "celsius.csv": table("time_s,command_V,level_C"),
     "unitless.csv": table("t,voltage,disp"),
