@@ -18,6 +18,7 @@ from deatwin.plant.files.csvcells import (
     BLANKS,
     COMMENT,
     NO_VALUE,
+    advice_for,
     formula,
     holds_number,
     is_comment,
@@ -52,6 +53,9 @@ _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
 )  # Mark between thousands that no decimal sign can be
 _DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a minus sign
+_GUARDED = re.compile(
+    r'(?m)(^|[,;|\t])="([^"\n]*)"(?=[,;|\t]|$)'
+)  # Text that a program keeps from a spreadsheet's guesses
 _SIGN_APART = re.compile(r'(?<=[,;|\t"])([-+]) +(?=[\d.])')  # Sign of a number that a logger aligns at the right
 _UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
@@ -318,7 +322,7 @@ class CsvTable(Table):
                 if not holds_number(row) and len(row) > 1 and any(map(self._is_head, row)):
                     return _another_header(self.where(sample))
                 if not is_number(cell.replace(",", ".")):
-                    return DataError(f'{place}: "{clipped(cell)}" is not a number{_advice(cell)}')
+                    return DataError(f'{place}: "{clipped(cell)}" is not a number{advice_for(cell)}')
                 if not np.isfinite(number := np.array(float(cell.replace(",", ".")))):
                     return DataError(f"{place}: {clipped(cell)} is not a finite number")
                 if np.abs(self.unit(column).to_si(number)) > self.largest(column):
@@ -342,15 +346,6 @@ def _may_be_thousands(cells: Sequence[str]) -> bool:
     return hundreds and any("." in cell for cell in cells) and all(map(_INTEGER.fullmatch, map(str.strip, cells)))
 
 
-def _advice(cell: str) -> str:
-    """Return advice for a cell that is no number; empty if there is none."""
-    if re.search(r"\d:\d\d", cell):
-        return "; write a date as in 2024-05-01 12:00:00.25, and a time of day as in 12:00:00.25"
-    if re.fullmatch(r"[-+]?[\d.,]*\d\s?(?:[^\W\d_]|[%‰°]).{0,5}", cell):
-        return "; write only numbers in the rows, and the unit, with its prefix, in the header"
-    return "" if re.search(r"\d", cell) else "; if it marks a missing value, leave the cell empty"
-
-
 def _another_header(where: str) -> DataError:
     """Return the error of names or units below samples, which differ from those above."""
     return DataError(f"{where}: another header begins here; give each part of the file a file of its own")
@@ -368,7 +363,8 @@ def read_table(path: str | Path) -> CsvTable:
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
     text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
-    text = text.replace("\n\ufeff", "\n")  # the mark at the start of each of the files that were joined
+    text = text.replace("\n\ufeff", "\n").replace("\f", "")  # the marks of joined files, and ends of printed pages
+    text = _GUARDED.sub(r'\1"\2"', text) if '="' in text else text
     text = _DASH.sub("-", text) if "\u2013" in text else text
     text = _SIGN_APART.sub(r"\1", text) if "+ " in text or "- " in text else text
     lines = text.split("\n")

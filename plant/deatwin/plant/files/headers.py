@@ -21,7 +21,7 @@ _TAIL = re.compile(r"([^()\[\]]+?)\s*(\([^()]*\)|\[[^\[\]]*\])((?!:\s?10)[_.#:/]
 _QUOTIENT = re.compile(r"(.+?)_([^\W_]+)_(per_)?([^\W\d_][^\W_]*)")
 _LAST_PART = re.compile(r"(.+?)\s*_((?:[^_()\[\]]|\([^()]*\)|\[[^\[\]]*\])+)")
 _IN_WORDS = re.compile(r"(.+?)(?:\s+(?:in|en)\s+|\s*,\s*)(\S.*)")
-_DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*(\([^()]*\)|\[[^\[\]]*\]|[^\s/]+)")
+_DIVIDED = re.compile(r"([^\W\d]\w*|<[^\W\d]\w*>|\|[^\W\d]\w*\|)\s*/\s*(\([^()]*\)|\[[^\[\]]*\]|[^\s/]+)")
 _FORMS = (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED)
 """Patterns of a header with a unit; the second group is the unit."""
 _TIMES = re.compile(

@@ -106,6 +106,21 @@ READ = {
         "y_mm",
         {},
     ),
+    "cells kept from a spreadsheet's guesses": (
+        '="time_s",="u_V",="y_mm"\n' + "".join(f'="{t:.2f}",="{u}",="{y}"\n' for t, u, y in zip(T, U, Y, strict=True)),
+        "u_V",
+        "y_mm",
+        {},
+    ),
+    "pages with a header each": (
+        "\f".join(
+            "time_s u_V y_mm\n" + table(np.round(T, 2)[k : k + 20], U[k : k + 20], Y[k : k + 20], mark=" ")
+            for k in (0, 20, 40)
+        ),
+        "u_V",
+        "y_mm",
+        {},
+    ),
     "a block of channels": (BLOCK + table([""] * 60, U, Y), "CH1", "CH2", {"dt": DT}),
     "a block of titles": (TITLES + LIMITS + plain(mark="\t"), "Command", "Laser", {"time_column": "#1"}),
     "a block of titles that ends in units": (TITLES + plain(mark="\t"), "Command", "Laser", {"time_column": "#1"}),

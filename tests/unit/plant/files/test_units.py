@@ -166,6 +166,8 @@ from deatwin.plant.files.units import UNITS, find_unit
         (r"T / \si{\degreeCelsius}", "T", "°C"),
         (r"a (\si{\milli\metre\per\second\squared})", "a", "mm/s2"),
         (r"E [\si{\kilo\volt\per\milli\metre}]", "E", "kV/mm"),
+        ("<I>/mA", "<I>", "mA"),
+        ("|Z|/ohm", "|Z|", "ohm"),
         ("U_kV_set", "U_set", "kV"),
         ("laser_mm_2", "laser_2", "mm"),
         ("kV_set", "set", "kV"),
