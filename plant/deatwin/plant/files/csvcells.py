@@ -91,7 +91,7 @@ def kind_of_cell(cell: str) -> str:
 
 def advice_for(cell: str) -> str:
     """Return advice for a cell that is no number; empty if there is none."""
-    if re.search(r"\d:\d\d", cell):
+    if re.search(r"\d:\d\d|\d[-.hH时時]\d\d[-.mM分]\d\d|\d\d年", cell):
         return "; write a date as in 2024-05-01 12:00:00.25, and a time of day as in 12:00:00.25"
     if re.fullmatch(r"[-+]?[\d.,]*\d\s?(?:[^\W\d_]|[%‰°]).{0,5}", cell):
         return "; write only numbers in the rows, and the unit, with its prefix, in the header"

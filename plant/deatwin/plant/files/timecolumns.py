@@ -270,9 +270,13 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
         rows = bool((np.diff(times) == 1.0).all())
         counted = "; if the column counts the samples, state the sample time: --dt SECONDS" if rows else ""
         like = options.get(said.lower(), NO_OPTIONS)  # only capitals differ; any other unit is the user's to state
+        state = f"state one, such as {like or options['s']}"
+        state = (
+            f"convert the times to one, then state it: {options['s']}" if re.search(r"\d", said) else state
+        )  # 0.1 ms
         raise DataError(
-            f'{place} are said to be in "{clipped(said)}", which is not a known unit of time; state one, such as '
-            f"{like or options['s']} (known are {', '.join(TIME_UNITS)}){counted}",
+            f'{place} are said to be in "{clipped(said)}", which is not a known unit of time; {state} '
+            f"(known are {', '.join(TIME_UNITS)}){counted}",
             like,
         )
     steps = np.diff(times)
