@@ -111,7 +111,7 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
                 "other objects of MATLAB cannot be read; writetable and writetimetable write them as CSV)"
             )
         named = {name: match for name in found if (match := _NAMES_UNIT.fullmatch(name))}
-        units = {
+        units: dict[str, str] = {
             place: found[name]
             for name, match in named.items()
             if isinstance(found[name], str)
