@@ -124,6 +124,7 @@ FILES = {
     "clockless.csv": table("number,command_V,displacement_mm"),
     "unit.csv": table("time_s,command_mm,displacement_mm"),
     "mega.csv": table("time_s,command_MV,displacement_mm"),
+    "numbered.csv": "0,1,2\n" + "".join(f"{0.02 * k:.2f},{2 + math.sin(k):.4f},0.3\n" for k in range(40)),
     "counts.csv": table("time_s,DAC counts,displacement_mm"),
     "scaled.csv": table("time_s,HV (V/kV),displacement_mm"),
     "celsius.csv": table("time_s,command_V,level_C"),

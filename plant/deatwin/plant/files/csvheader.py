@@ -4,7 +4,7 @@ import re
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvcells import is_value
-from deatwin.plant.files.headers import SURE, for_name, split_unit, split_units
+from deatwin.plant.files.headers import SURE, for_name, is_misspelt, split_unit, split_units
 from deatwin.plant.files.units import find_unit
 from deatwin.plant.files.usual import COLUMNS, LIKE_TIMES
 from deatwin.plant.safe_read import clipped
@@ -78,6 +78,7 @@ def are_units(cells: list[str]) -> bool:
     known = [cell for cell in filled if find_unit(cell)]
     return bool(known) and all(
         cell in known
+        or is_misspelt(cell)
         or cell in ("-", "%", "1")
         or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*|[-+\d.,/^eE]*\d ?\D+", cell)
         for cell in filled

@@ -33,6 +33,7 @@ from deatwin.plant.files.csvtext import (
     decode,
     find_layout,
     grouped,
+    require_no_numbered_columns,
     require_no_settings,
     require_whole_numbers,
     with_name_of_rows,
@@ -63,7 +64,8 @@ _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points
 _DIGITS = 3  # Number of digits in a group of thousands
 _FEW = 1000  # Number of cells that are looked at first
 _EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
-_RULED = re.compile(r"(?=.*(?:---|===))[-=+:|,;\t ]+")  # Line that underlines the names
+_RULED = re.compile(r"(?=.*(?:---|===|[-–]\s*[,;|\t]\s*[-–]))[-–=+:|,;\t ]+")
+"""Line that underlines the names, or says of no column that it has a unit."""
 _ALIKE = 3  # Number of rows that show how many digits numbers have
 _PIECE = 50_000  # Number of lines that are split at a time
 
@@ -167,7 +169,7 @@ class CsvTable(Table):
                     if any("," in cell and not _THOUSANDS.fullmatch(cell.strip()) for cell in part):
                         seen.add("sure")
                     part = said.replace(",", ".").split("\0")
-                elif not first and _may_be_thousands(part[:_FEW]):
+                if not first and _may_be_thousands(part[:_FEW]):
                     return None
                 try:
                     found[k, first : first + len(piece)] = si_values(part, units[k])
@@ -273,16 +275,21 @@ class CsvTable(Table):
                 f"{comma} may mean thousands or a decimal comma, and no number in the file shows which; "
                 "write it with a decimal point"
             )
-        return [[cell.replace(",", ".") for cell in cells] for cells in texts]
+        pointed = [[cell.replace(",", ".") for cell in cells] for cells in texts]
+        for column, cells in zip(columns, pointed, strict=True):
+            self._require_no_thousands(column, cells)
+        return pointed
 
     def _require_no_thousands(self, column: int, cells: list[str]) -> None:
         """Refuse a column in which 999 and 1.234 stand, and no number that shows whether the point parts thousands."""
         if not _may_be_thousands(cells[:_FEW]) or not all(map(_INTEGER.fullmatch, map(str.strip, cells))):
             return
         sample = next(k for k, cell in enumerate(cells) if "." in cell)
+        written = split_cells(self.lines[sample], self.delimiter)[column]
+        mark = "comma" if "," in written else "point"
         raise DataError(
-            f'{self.where(sample)}, column "{self.shown(column)}": "{clipped(cells[sample])}" may mean thousands or a decimal '
-            "point, and no number in the column shows which; write all numbers with as many decimals, or without the point"
+            f'{self.where(sample)}, column "{self.shown(column)}": "{clipped(written)}" may mean thousands or a decimal '
+            f"{mark}, and no number in the column shows which; write all numbers with as many decimals, or without the {mark}"
         )
 
     def _bad_cell(self, columns: Sequence[int], missing: Collection[int]) -> DataError:
@@ -413,6 +420,7 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
                 f'{name}, row {rows[0]}: "{clipped(first[0])}" and its samples run along the row; give each signal a column, '
                 "in Python with DataFrame.T of pandas"
             )
+        require_no_numbered_columns(lines[layout.first :], rows[layout.first :], layout.delimiter, name)
         places = range(1, 1 + len(split_cells(lines[layout.first], layout.delimiter)))
         headers, names = [f"#{k}" for k in places], [f"column_{k}" for k in places]
         units = said = ["" for _ in places]

@@ -121,6 +121,12 @@ READ = {
         "y_mm",
         {},
     ),
+    "units of none of the columns": (
+        "time_s,u_V,y_mm\n-,-,-\n" + plain(),
+        "u_V",
+        "y_mm",
+        {},
+    ),
     "a block of channels": (BLOCK + table([""] * 60, U, Y), "CH1", "CH2", {"dt": DT}),
     "a block of titles": (TITLES + LIMITS + plain(mark="\t"), "Command", "Laser", {"time_column": "#1"}),
     "a block of titles that ends in units": (TITLES + plain(mark="\t"), "Command", "Laser", {"time_column": "#1"}),
@@ -536,3 +542,37 @@ def test_the_name_of_a_time_zone_may_follow_its_offset(tmp_path: Path) -> None:
     found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
     assert found.sample_time == pytest.approx(0.02)
     assert found.provenance["clock_began"] == "2024-05-01T08:11:12+00:00"
+
+
+def test_a_line_of_units_may_hold_the_one_of_a_ratio(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("t,u,stretch\nms,kV,1\n" + plain(20 * np.arange(60)), "utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u", output_column="stretch")
+    np.testing.assert_allclose(found.inputs[0], 1e3 * U, rtol=1e-12)
+    np.testing.assert_array_equal(found.outputs[0], Y)
+
+
+def test_units_in_capitals_are_no_names(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("TIME,VOLTAGE,DISP\nSEC,KV,MM\n" + plain(), "utf-8")
+    with pytest.raises(DataError, match=r'"VOLTAGE" is in "KV", which is not a known unit; did you mean "kV"\?'):
+        read_recording(tmp_path / "r.csv", input_column="VOLTAGE", output_column="DISP")
+
+
+@pytest.mark.parametrize("first", ["0,1,2", "1,2,3"])
+def test_numbers_of_columns_are_no_sample(tmp_path: Path, first: str) -> None:
+    """As pandas writes a frame without names."""
+    (tmp_path / "r.csv").write_text(f"{first}\n{plain()}", "utf-8")
+    with pytest.raises(DataError, match=r"row 1: \d, \d, \d may be the numbers of the columns, or a sample"):
+        read_recording(tmp_path / "r.csv", input_column="#2", output_column="#3", dt=DT)
+    (tmp_path / "r.csv").write_text(plain(), "utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="#2", output_column="#3", time_column="#1")
+    assert found.n_samples == 60
+
+
+def test_commas_between_thousands_beside_decimal_commas_are_asked_for(tmp_path: Path) -> None:
+    """A column with 213 and 3,130 holds whole volts, or volts with decimals that end in zeros."""
+    volts = [f"{213 + 97 * k:,}" for k in range(60)]
+    decimals = ([f"{value:.2f}".replace(".", ",") for value in column] for column in (T, Y))
+    times, readings = decimals
+    (tmp_path / "r.csv").write_text("time_s;u_V;y_mm\n" + table(times, volts, readings, mark=";"), "utf-8")
+    with pytest.raises(DataError, match=r'column "u_V": "1,086" may mean thousands or a decimal comma'):
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
