@@ -16,6 +16,7 @@ from deatwin.plant.rigs.rigkeys import HIGHEST_FILM_VOLTAGE
 _RANGE_MARGIN = 0.5
 # Least and largest stretch of a strip in a test machine, where the rig file states none: a shorter strip hangs slack.
 _PULLED = (0.9, 20.0)
+_LEAST_FILM_VOLTAGE = 20.0  # V, below which no film moves
 # Least share of the highest command that a column of film volts uses, once divided by the gain: it drives a film.
 _LEAST_USE = 0.01
 # Percentiles that bound the motion: 90 % of the samples lie between them, so that spikes do not count.
@@ -116,11 +117,14 @@ def check_command_range(recording: Recording, drive: DriveSpec) -> None:
     if drive.unit != "V" and as_stretch.min() >= low and as_stretch.max() <= high:
         text += "; the values look like strains: add 1 to the column"
     as_command = command / drive.gain
-    if as_command.min() >= floor and max(low, _LEAST_USE * high) <= as_command.max() <= top:
+    used = max(low, _LEAST_USE * high)
+    if as_command.min() >= floor and used <= as_command.max() <= top and np.abs(worst) >= _LEAST_FILM_VOLTAGE:
         text += (
             f"; the values look like voltages on the film: divide the column by the gain of {drive.gain:g}, so that "
             f"{worst:g} V becomes {worst / drive.gain:g} V"
         )
+    elif stated and command.min() >= 1e3 * floor and 1e3 * used <= command.max() <= 1e3 * top:
+        text += "; they differ by a factor of about 1000: correct the unit of the column, or the range in the rig file"
     raise DataError(text)
 
 

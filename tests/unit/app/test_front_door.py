@@ -124,6 +124,8 @@ FILES = {
     "clockless.csv": table("number,command_V,displacement_mm"),
     "unit.csv": table("time_s,command_mm,displacement_mm"),
     "mega.csv": table("time_s,command_MV,displacement_mm"),
+    "numbered.csv": "0,1,2\n" + "".join(f"{0.02 * k:.2f},{2 + math.sin(k):.4f},0.3\n" for k in range(40)),
+    "counts.csv": table("time_s,DAC counts,displacement_mm"),
     "scaled.csv": table("time_s,HV (V/kV),displacement_mm"),
     "celsius.csv": table("time_s,command_V,level_C"),
     "unitless.csv": table("t,voltage,disp"),
@@ -155,6 +157,8 @@ FILES = {
     "unsorted.csv": table(row_8="0.04,2.0,0.3"),
     "uneven.csv": table(row_8="0.127,2.0,0.3"),
     "drifting.csv": HEADER + "".join(f"\n{0.02 * k + 4e-6 * k * k:.7f},{2 + math.sin(k):.4f},0.3" for k in range(60)),
+    "started.csv": "time,command_V,displacement_mm\n"
+    + "".join(f"10:11:12,{2 + math.sin(k):.4f},0.3\n" for k in range(40)),
     "jiffies.csv": table("time (jiffies),command_V,displacement_mm"),
     "serials.csv": table("time,command_V,displacement_mm", samples=0)
     + "".join(f"{45000 + 2e-7 * k:.7f},{2 + math.sin(k):.4f},0.3\n" for k in range(40)),

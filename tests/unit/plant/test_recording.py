@@ -117,6 +117,14 @@ class TestChecks:
         ):
             check_command_range(recording, drive)
 
+    def test_a_range_in_kilovolts_is_no_sign_of_film_volts(self) -> None:
+        """3.6 V would be 4.5 mV of the amplifier, which moves no film; the rig file states kV in place of V."""
+        drive = DriveSpec(gain=800.0, command_min=0.0, command_max=0.00375)
+        with pytest.raises(
+            DataError, match=r"of 3.6 V is outside .*, 0 V to 0.00375 V .*; they differ by a factor of about 1000"
+        ):
+            check_command_range(Recording.from_arrays([0.5, 3.6], [0.0, 0.0], 0.02), drive)
+
     def test_strains_are_no_stretches(self) -> None:
         """A strip at the stretch of 0.2 would be compressed to a fifth; at a strain of 0.2 it is pulled."""
         recording = Recording.from_arrays([0.2, 0.5], [0.0, 0.0], 0.02)

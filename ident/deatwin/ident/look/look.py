@@ -19,7 +19,7 @@ from deatwin.ident.narx.preprocess import Finding, FindingKind, SamplingChoice, 
 from deatwin.ident.narx.preprocess.findings import FEWEST
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.ident.soundness import resolution
-from deatwin.plant.amplitudes import axis_label, written_amplitude
+from deatwin.plant.amplitudes import amount, axis_label, written_amplitude
 from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import Axes, envelope, panels_or_new
 from deatwin.plant.errors import DataError
@@ -298,7 +298,7 @@ def _marks(records: Sequence[Recording]) -> list[str]:
         for k, rest in ((0, values[1:]), (-1, values[:-1])):
             if rest.size > 1 and counts[k] > 1 and np.abs(rest - values[k]).min() > _FAR * np.ptp(rest):
                 found.append(
-                    f"{name}: {counts[k]} readings are {with_unit(values[k], unit)}, far outside all others; if that marks "
+                    f"{name}: {counts[k]} readings are {amount(f'{values[k]:.9g}', unit)}, far outside all others; if that marks "
                     "missing values, leave these cells empty"
                 )
     return found

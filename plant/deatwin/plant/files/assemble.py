@@ -1,9 +1,11 @@
 """Make recordings from the table of a file: clock, pieces, signals."""
 
 import logging
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +37,17 @@ from deatwin.plant.recording import Recording, label
 from deatwin.plant.resampling import Resampling, plan_resampling
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
+from deatwin.plant.safe_read import clipped
 
 logger = logging.getLogger(__name__)
 
+_FEW_RUNS = 10  # Least number of rows per run
+_RUN = re.compile(
+    r"(?i)(?<![^\W_])(trial|run|segment|sweep|shot|repeat|repetition|experiment|versuch|messung|lauf)s?(?![^\W\d_])"
+)
+"""Names of a column with the number of the run to which a row belongs."""
+_DIGITS = 20  # Largest number of digits of a counter
+_COUNTED = 0.9  # Share of steps by 1 from which a column counts the rows
 _SLOW = 0.5  # Step, s, above which times without a unit may be in another one
 
 
@@ -106,7 +116,7 @@ def recordings_of(
     elif counted and times is not None and dt != 1.0:
         remark = f'the stated sample time was used, because the column "{table.shown(times)}" only counts the rows'
     elif stated:
-        remark = _passed_over(table, used, stated.sample_time)
+        remark = _passed_over(table, used, stated.sample_time) or _against_even_rows(table, used)
     remark = "; ".join(text for text in (held, remark) if text)
     source = _Source(table=table, roles=roles, numbers=numbers, kept=kept, remark=remark)
     try:
@@ -441,6 +451,53 @@ def _passed_over(table: Table, used: Sequence[int], dt: float) -> str:
                 f"{times_options(table, column, unit, dt)}"
             )
     return ""
+
+
+def _against_even_rows(table: Table, used: Sequence[int]) -> str:
+    """Describe a column by which the rows do not follow each other evenly: a broken count of them, or several runs."""
+    for column in sorted(set(range(len(table.names))).difference(used)):
+        first = list(islice(table.texts(column), 2))
+        if not (_RUN.search(table.names[column]) or (len(first) == 2 and _counts_on(*first))):
+            continue  # it need not be read to its end
+        cells = list(table.texts(column))
+        changes = [k for k, (before, after) in enumerate(pairwise(cells), 1) if after != before]
+        blocks = 0 < len(changes) < len(cells) / _FEW_RUNS and len(set(cells)) == len(changes) + 1
+        if blocks and _RUN.search(table.names[column]):
+            k, said = changes[0], "if another run begins there, give each run a file of its own"
+        elif all(map(_is_count, cells)) and (k := _break_of(list(map(int, cells)))):
+            again = int(cells[k]) <= int(cells[0])
+            said = "if another run begins there, give each run a file of its own"
+            said = said if again else "if samples are missing or repeated there, write the time of each row in a column"
+        else:
+            continue
+        return (
+            f'the stated sample time was taken from row to row, but the column "{table.shown(column)}" goes from '
+            f"{clipped(cells[k - 1])} to {clipped(cells[k])} in row {table.row(k)}; {said}"
+        )
+    return ""
+
+
+def _is_count(cell: str) -> bool:
+    """Return whether a cell holds a number that a counter can hold."""
+    return cell.isdecimal() and len(cell) <= _DIGITS
+
+
+def _counts_on(before: str, after: str) -> bool:
+    """Return whether a cell counts on from the one before."""
+    return _is_count(before) and _is_count(after) and int(after) - int(before) == 1
+
+
+def _break_of(counts: Sequence[int]) -> int:
+    """Return the first place at which a count of the rows does not go on by 1; 0 if there is none, or no such count.
+
+    A counter that is full, at a power of two or ten, goes on at its lowest number.
+    """
+    steps = [after - before for before, after in pairwise(counts)]
+    if steps.count(1) < _COUNTED * len(steps):
+        return 0
+    full = {2**bits for bits in range(8, 65, 8)} | {10**digits for digits in range(2, 10)}
+    odd = (k for k, step in enumerate(steps, 1) if step != 1)
+    return next((k for k in odd if not (counts[k] == min(counts) < 2 and counts[k - 1] + 1 - counts[k] in full)), 0)
 
 
 def _seconds_or_other(table: Table, times: int, told: Floats) -> str:

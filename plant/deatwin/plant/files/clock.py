@@ -116,7 +116,7 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
         advice = "there the clock starts again: give each run its own file" if restarts else "put the rows in order"
         advice = "the rows run backwards: put them in order" if back.mean() > 0.5 else advice
         advice = _overflow(float(np.median(np.abs(steps)) - steps[row - 1])) or advice
-        advice = _summer_time(steps[row - 1], float(np.median(np.abs(steps)))) + advice
+        advice = _changed_clock(steps[row - 1], float(np.median(np.abs(steps)))) + advice
     elif rounded := rounded_clock(timepts):
         offers = ReadOptions(dt=float(f"{rounded.sample_time:.9g}"))
         advice = f"the times are printed too coarsely; if the rows are evenly sampled, state the sample time: {offers}"
@@ -129,10 +129,10 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
 
 
 def _overflow(back: float) -> str:
-    """Return the advice if times fall by a minute, or by as much as a counter of 16 or 32 bits holds in s, ms or us."""
+    """Return the advice if times fall by a minute, or by as much as a counter of 16, 24 or 32 bits holds in s, ms or us."""
     if abs(back / 60.0 - 1.0) < _FULL:
         return "there the seconds of a minute begin again: write hours, minutes and seconds in one column, as in 12:00:00.25"
-    full = (2.0**bits / rate for bits in (32, 16) for rate in (1e6, 1e3, 1.0))
+    full = (2.0**bits / rate for bits in (32, 24, 16) for rate in (1e6, 1e3, 1.0))
     size = next((size for size in full if abs(back / size - 1.0) < _FULL), None)
     return "" if size is None else f"there the counter of the times began again at 0: add {size:.10g} s from there on"
 
@@ -216,7 +216,7 @@ def _gap(timepts: Floats, long: Flags, usual: float, where: Callable[[int], str]
     before, after = timepts[sample], timepts[sample + 1]
     more = f" ({int(long.sum())} gaps in all)" if long.sum() > 1 else ""
     count = round((after - before) / usual) - 1
-    advice = _summer_time(after - before, usual) + "fill the gap, or split the recording there"
+    advice = _changed_clock(after - before, usual) + "fill the gap, or split the recording there"
     missing = "1 sample is" if count == 1 else f"{count} samples, one every {usual:g} s, are"
     return DataError(
         f"{where(sample + 1)}: a gap from {before:g} s to {after:g} s, in which {missing} missing{more}; "
@@ -225,14 +225,14 @@ def _gap(timepts: Floats, long: Flags, usual: float, where: Callable[[int], str]
     )
 
 
-def _summer_time(step: float, usual: float) -> str:
-    """Return the remark that clocks were changed, if a step, s, is an hour longer or shorter than usual."""
-    hour = abs(abs(step - usual) - 3600.0) < min(0.5 * usual, 1.0)
-    return (
-        "exactly an hour: where summer time began or ended, give the times with their offset from UTC; else "
-        if hour
-        else ""
-    )
+def _changed_clock(step: float, usual: float) -> str:
+    """Return the remark that the clock was changed, if a step, s, is an hour or twelve longer or shorter than usual."""
+    causes = {
+        "an hour: where summer time began or ended, give the times with their offset from UTC": 3600.0,
+        "twelve hours: if the clock shows no am and pm, give times of 24 hours": 43200.0,
+    }
+    off = (cause for cause, size in causes.items() if abs(abs(step - usual) - size) < min(0.5 * usual, 1.0))
+    return "".join(f"exactly {cause}; else " for cause in off)
 
 
 def _odd_step(

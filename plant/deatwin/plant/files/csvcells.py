@@ -87,3 +87,12 @@ def kind_of_cell(cell: str) -> str:
     if is_date(cell) or is_clock(cell):
         return "date"
     return "text" if re.search(r"[^\W\d_]", cell) and not any(map(is_value, cell.split())) else "mixture"
+
+
+def advice_for(cell: str) -> str:
+    """Return advice for a cell that is no number; empty if there is none."""
+    if re.search(r"\d:\d\d|\d[-.hH时時]\d\d[-.mM分]\d\d|\d\d年", cell):
+        return "; write a date as in 2024-05-01 12:00:00.25, and a time of day as in 12:00:00.25"
+    if re.fullmatch(r"[-+]?[\d.,]*\d\s?(?:[^\W\d_]|[%‰°]).{0,5}", cell):
+        return "; write only numbers in the rows, and the unit, with its prefix, in the header"
+    return "" if re.search(r"\d", cell) else "; if it marks a missing value, leave the cell empty"

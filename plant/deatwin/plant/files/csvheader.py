@@ -4,7 +4,7 @@ import re
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvcells import is_value
-from deatwin.plant.files.headers import for_name, split_unit, split_units
+from deatwin.plant.files.headers import SURE, for_name, is_misspelt, split_unit, split_units
 from deatwin.plant.files.units import find_unit
 from deatwin.plant.files.usual import COLUMNS, LIKE_TIMES
 from deatwin.plant.safe_read import clipped
@@ -41,8 +41,10 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
                     f"gives {clipped(cell.strip('()[] '))}; correct one of them"
                 )
             units[k] = units[k] or for_name(names[k], find_unit(cell))
-    elif len(headers) > 1 and all(map(find_unit, headers)):  # the file has units instead of names
-        units = [find_unit(header) for header in headers]
+    elif len(headers) > 1 and all(find_unit(header) or LIKE_TIMES.search(header) for header in headers):
+        # The file has units instead of names, perhaps beside those of the times. Letters such as V and F may be names, too.
+        if all(map(find_unit, headers)) or any(map(SURE.fullmatch, headers)):
+            units = [unit or find_unit(header) for unit, header in zip(units, headers, strict=True)]
     return headers, units, said
 
 
@@ -76,6 +78,7 @@ def are_units(cells: list[str]) -> bool:
     known = [cell for cell in filled if find_unit(cell)]
     return bool(known) and all(
         cell in known
+        or is_misspelt(cell)
         or cell in ("-", "%", "1")
         or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*|[-+\d.,/^eE]*\d ?\D+", cell)
         for cell in filled

@@ -18,6 +18,7 @@ from deatwin.plant.files.csvcells import (
     BLANKS,
     COMMENT,
     NO_VALUE,
+    advice_for,
     formula,
     holds_number,
     is_comment,
@@ -32,6 +33,7 @@ from deatwin.plant.files.csvtext import (
     decode,
     find_layout,
     grouped,
+    require_no_numbered_columns,
     require_no_settings,
     require_whole_numbers,
     with_name_of_rows,
@@ -52,6 +54,9 @@ _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
 )  # Mark between thousands that no decimal sign can be
 _DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a minus sign
+_GUARDED = re.compile(
+    r'(?m)(^|[,;|\t])="([^"\n]*)"(?=[,;|\t]|$)'
+)  # Text that a program keeps from a spreadsheet's guesses
 _SIGN_APART = re.compile(r'(?<=[,;|\t"])([-+]) +(?=[\d.])')  # Sign of a number that a logger aligns at the right
 _UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
@@ -59,7 +64,8 @@ _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points
 _DIGITS = 3  # Number of digits in a group of thousands
 _FEW = 1000  # Number of cells that are looked at first
 _EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
-_RULED = re.compile(r"(?=.*(?:---|===))[-=+:|,;\t ]+")  # Line that underlines the names
+_RULED = re.compile(r"(?=.*(?:---|===|[-–]\s*[,;|\t]\s*[-–]))[-–=+:|,;\t ]+")
+"""Line that underlines the names, or says of no column that it has a unit."""
 _ALIKE = 3  # Number of rows that show how many digits numbers have
 _PIECE = 50_000  # Number of lines that are split at a time
 
@@ -163,7 +169,7 @@ class CsvTable(Table):
                     if any("," in cell and not _THOUSANDS.fullmatch(cell.strip()) for cell in part):
                         seen.add("sure")
                     part = said.replace(",", ".").split("\0")
-                elif not first and _may_be_thousands(part[:_FEW]):
+                if not first and _may_be_thousands(part[:_FEW]):
                     return None
                 try:
                     found[k, first : first + len(piece)] = si_values(part, units[k])
@@ -269,16 +275,21 @@ class CsvTable(Table):
                 f"{comma} may mean thousands or a decimal comma, and no number in the file shows which; "
                 "write it with a decimal point"
             )
-        return [[cell.replace(",", ".") for cell in cells] for cells in texts]
+        pointed = [[cell.replace(",", ".") for cell in cells] for cells in texts]
+        for column, cells in zip(columns, pointed, strict=True):
+            self._require_no_thousands(column, cells)
+        return pointed
 
     def _require_no_thousands(self, column: int, cells: list[str]) -> None:
         """Refuse a column in which 999 and 1.234 stand, and no number that shows whether the point parts thousands."""
         if not _may_be_thousands(cells[:_FEW]) or not all(map(_INTEGER.fullmatch, map(str.strip, cells))):
             return
         sample = next(k for k, cell in enumerate(cells) if "." in cell)
+        written = split_cells(self.lines[sample], self.delimiter)[column]
+        mark = "comma" if "," in written else "point"
         raise DataError(
-            f'{self.where(sample)}, column "{self.shown(column)}": "{clipped(cells[sample])}" may mean thousands or a decimal '
-            "point, and no number in the column shows which; write all numbers with as many decimals, or without the point"
+            f'{self.where(sample)}, column "{self.shown(column)}": "{clipped(written)}" may mean thousands or a decimal '
+            f"{mark}, and no number in the column shows which; write all numbers with as many decimals, or without the {mark}"
         )
 
     def _bad_cell(self, columns: Sequence[int], missing: Collection[int]) -> DataError:
@@ -318,7 +329,7 @@ class CsvTable(Table):
                 if not holds_number(row) and len(row) > 1 and any(map(self._is_head, row)):
                     return _another_header(self.where(sample))
                 if not is_number(cell.replace(",", ".")):
-                    return DataError(f'{place}: "{clipped(cell)}" is not a number{_advice(cell)}')
+                    return DataError(f'{place}: "{clipped(cell)}" is not a number{advice_for(cell)}')
                 if not np.isfinite(number := np.array(float(cell.replace(",", ".")))):
                     return DataError(f"{place}: {clipped(cell)} is not a finite number")
                 if np.abs(self.unit(column).to_si(number)) > self.largest(column):
@@ -342,15 +353,6 @@ def _may_be_thousands(cells: Sequence[str]) -> bool:
     return hundreds and any("." in cell for cell in cells) and all(map(_INTEGER.fullmatch, map(str.strip, cells)))
 
 
-def _advice(cell: str) -> str:
-    """Return advice for a cell that is no number; empty if there is none."""
-    if re.search(r"\d:\d\d", cell):
-        return "; write a date as in 2024-05-01 12:00:00.25, and a time of day as in 12:00:00.25"
-    if re.fullmatch(r"[-+]?[\d.,]*\d\s?(?:[^\W\d_]|[%‰°]).{0,5}", cell):
-        return "; write only numbers in the rows, and the unit, with its prefix, in the header"
-    return "" if re.search(r"\d", cell) else "; if it marks a missing value, leave the cell empty"
-
-
 def _another_header(where: str) -> DataError:
     """Return the error of names or units below samples, which differ from those above."""
     return DataError(f"{where}: another header begins here; give each part of the file a file of its own")
@@ -368,6 +370,8 @@ def read_table(path: str | Path) -> CsvTable:
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
     text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
+    text = text.replace("\n\ufeff", "\n").replace("\f", "")  # the marks of joined files, and ends of printed pages
+    text = _GUARDED.sub(r'\1"\2"', text) if '="' in text else text
     text = _DASH.sub("-", text) if "\u2013" in text else text
     text = _SIGN_APART.sub(r"\1", text) if "+ " in text or "- " in text else text
     lines = text.split("\n")
@@ -416,6 +420,7 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
                 f'{name}, row {rows[0]}: "{clipped(first[0])}" and its samples run along the row; give each signal a column, '
                 "in Python with DataFrame.T of pandas"
             )
+        require_no_numbered_columns(lines[layout.first :], rows[layout.first :], layout.delimiter, name)
         places = range(1, 1 + len(split_cells(lines[layout.first], layout.delimiter)))
         headers, names = [f"#{k}" for k in places], [f"column_{k}" for k in places]
         units = said = ["" for _ in places]

@@ -13,6 +13,7 @@ from deatwin.plant.files.csvcells import (
     BLANKS,
     COMMENT,
     NO_VALUE,
+    advice_for,
     formula,
     holds_number,
     is_comment,
@@ -356,8 +357,8 @@ def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
         ways += [apart.split(bare.strip()) for apart in (_BEFORE_UNIT, _FAR_APART)]
         ways = [[cell.strip() for cell in bare.split(",")], *ways] if "," in bare else ways
     if delimiter != BLANKS and width > 1:  # numbers beyond the columns of the samples are settings
-        ways = [cells[:width] if holds_number(cells) else cells for cells in ways]
-    ways = [cells for cells in ways if not holds_number(cells)] or [[]]
+        ways = [cells[:width] if _holds_sample(cells) else cells for cells in ways]
+    ways = [cells for cells in ways if not _holds_sample(cells)] or [[]]
     return next((cells for cells in ways if len(cells) == width), ways[0])
 
 
@@ -365,6 +366,19 @@ def _blanks_too(lines: list[str], delimiter: str, first: int) -> bool:
     """Return whether blanks also separate the columns of a table with tabs."""
     cells = split_cells(lines[first], delimiter)
     return delimiter == "\t" and any(len(parts := cell.split()) > 1 and all(map(is_value, parts)) for cell in cells)
+
+
+def require_no_numbered_columns(lines: list[str], rows: Sequence[int], delimiter: str, path: str) -> None:
+    """Refuse a first row that may number the columns, as that of a data frame without names: 0, 1, 2 above decimals."""
+    cells = [split_cells(line, delimiter) for line in lines[: 1 + _LIKE_SAMPLES]]
+    numbers = cells[0][1:] if not cells[0][0] else cells[0]
+    counted = len(numbers) > 2 and any(numbers == [str(k + n) for n in range(len(numbers))] for k in (0, 1))
+    below = list(zip(*cells[1:], strict=False))
+    if counted and 2 * sum(not all(map(str.isdecimal, column)) for column in below) > len(below):
+        raise DataError(
+            f"{path}, row {rows[0]}: {', '.join(numbers[:3])}{'...' if len(numbers) > 3 else ''} may be the numbers of the "
+            "columns, or a sample: put the names of the columns in its place, or remove the row"
+        )
 
 
 def _nameless(lines: list[str]) -> Layout | None:
@@ -394,7 +408,12 @@ _KINDS = frozenset({"number", "date", "text"})
 
 def _is_sample(line: str, cells: list[str]) -> bool:
     """Return whether a line is a sample; comments are not."""
-    return holds_number(cells) and not is_comment(line)
+    return _holds_sample(cells) and not is_comment(line)
+
+
+def _holds_sample(cells: list[str]) -> bool:
+    """Return whether a line holds a number, unless that is the 1 of a quantity without a dimension among units."""
+    return holds_number(cells) and not ({cell for cell in cells if is_value(cell)} == {"1"} and are_units(cells))
 
 
 def _no_layout(lines: list[str], rows: Sequence[int], delimiter: str, path: str) -> DataError:
@@ -410,7 +429,11 @@ def _no_layout(lines: list[str], rows: Sequence[int], delimiter: str, path: str)
                 return DataError(f"{path}, row {rows[place[0]]}: {formula(place[1])}")
             row = next((k for k in range(1, len(cells)) if len(cells[k]) == max(map(len, cells))), 0)
             first = next((cell for cell in cells[row] if kind_of_cell(cell) not in ("", "date")), "")
-            found = f', and in row {rows[row]} "{clipped(first, 40)}" is not a number' if row and first else ""
+            found = (
+                f', and in row {rows[row]} "{clipped(first, 40)}" is not a number{advice_for(first) if re.search("[0-9]", first) else ""}'
+                if row and first
+                else ""
+            )
             return DataError(
                 f"{path}: the file has a header but no samples: no row holds numbers{found}"
                 if row

@@ -26,6 +26,7 @@ _CLOCK = re.compile(  # behind a colon, two digits may be hundredths, millisecon
 _NAMED = re.compile(  # March 4, 2024 12:00:00, or as C writes it, Mon Mar  4 12:00:00 2024
     r"(?:[A-Za-z]{3,9},? +)?([A-Za-z]{3,9})\.? +(\d\d?),? +(?:(\d{4})(?:,? +(.*))?|(\d\d?:\S+) +(\d{4}))"
 )
+_ZONE = re.compile(r"(?<=Z|\d)\[[A-Za-z][\w/+-]*\]$")  # Name of the zone behind the offset, as RFC 9557 writes it
 _ONE_NUMBER = re.compile(r"(\d\d)(\d\d)(\d\d)(?:[.,](\d+))?")
 _DURATION = re.compile(r"(?:(?:(\d+) days?,? +)?(\d+):)?(\d{1,3}):(\d\d)(?:[.,](\d+))?")
 _DAY, _HOUR = Decimal(86400), Decimal(3600)
@@ -72,7 +73,7 @@ def date_orders(cells: Iterable[str]) -> tuple[str, ...]:
 
 def moment(text: str, order: str = "dmy") -> datetime:
     """Return a date; in UTC if it has an offset. Raise ValueError if it is none."""
-    cell = text.strip()
+    cell = _ZONE.sub("", text.strip())
     try:
         parts = _COMPACT.fullmatch(cell)
         plain = f"{parts[1]}T{parts[2]}.{parts[3] or 0}{parts[4] or ''}" if parts else cell

@@ -3,21 +3,25 @@
 import re
 from collections.abc import Sequence
 
-from deatwin.plant.files.units import FULL_WIDTH, UNITS, find_unit
+from deatwin.plant.files.units import FULL_WIDTH, UNITS, find_unit, without_latex
 
 LONGEST = 300
 """Number of characters beyond which a header is a text, not a name with a unit; searches in it would take seconds."""
 _LOWERED = {name.lower() for name in UNITS}
 _IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
-_REMARK = re.compile(r"(.+[)\]])\s*(\([^()\d]*\)|\[[^\[\]\d]*\])")  # behind the unit; with a digit, it may be a factor
+_REMARK = re.compile(
+    r"(.+[)\]])\s*(\([^()\d]*\)|\[[^\[\]\d]*\]"
+    r"|\((?:\w+/)?(?!(?i:gain|range|factor|scale|ratio|div|mult|times|bits?|exp))[^\W\d_]{2,}[ _#.-]{0,2}\d{1,2}\))"
+)
+"""Header with a remark behind the unit. With a digit, it may be a factor, unless it is a channel: ``HV (kV) (laser 1)``."""
 _AMID = re.compile(r"([^()\[\]]+?)\s*(\([^()]*\)|\[[^\[\]]*\])\s+(?!per\b)([^\W_][^()\[\]/]*)")
 """Header with a unit in brackets before its last words: ``HV (kV) monitor``."""
 _TAIL = re.compile(r"([^()\[\]]+?)\s*(\([^()]*\)|\[[^\[\]]*\])((?!:\s?10)[_.#:/]\s*[^()\[\]]+|\d+|\*+)")
 """Header with a unit in brackets before a mark: ``HV (kV).1``, as pandas numbers equal names, or ``HV[kV]/Value``."""
 _QUOTIENT = re.compile(r"(.+?)_([^\W_]+)_(per_)?([^\W\d_][^\W_]*)")
-_LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
+_LAST_PART = re.compile(r"(.+?)\s*_((?:[^_()\[\]]|\([^()]*\)|\[[^\[\]]*\])+)")
 _IN_WORDS = re.compile(r"(.+?)(?:\s+(?:in|en)\s+|\s*,\s*)(\S.*)")
-_DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*(\([^()]*\)|\[[^\[\]]*\]|[^\s/]+)")
+_DIVIDED = re.compile(r"([^\W\d]\w*|<[^\W\d]\w*>|\|[^\W\d]\w*\|)\s*/\s*(\([^()]*\)|\[[^\[\]]*\]|[^\s/]+)")
 _FORMS = (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED)
 """Patterns of a header with a unit; the second group is the unit."""
 _TIMES = re.compile(
@@ -33,8 +37,28 @@ _UNIT_ALONE = re.compile(r"(?:in\s+)?(\(.*\)|\[.*\]|(?<=\s)\S+)")
 _OTHER_BRACKETS = re.compile(r"(.*\S)\s*(?:\{([^{}]+)\}|<([^<>]+)>)")
 _CHANNEL = r"[^\W\d](?:\S*[^\s\d])?(?:(?<=[^\W\d_])(?<![/:.\d][xX])\d+)?"
 """Word that may end in the number of a channel, as ``U2``; *_10* and *=10* may belong to the unit, and *:x10* is a factor."""
-_NO_WORD = r"(?!pm)[munpkMGcµμ](?:m|V|A|N|Pa|Hz|F|W|J|[Oo]hm|Ω|bar|g)|Hz|rpm|psi|[°º][CF]|℃|%"
+_NO_WORD = (
+    r"(?!pm)[munpkMGcµμ](?:m|V|A|N|Pa|Hz|F|W|J|[Oo]hm|Ω|bar|g)|Hz|rpm|psi|[°º][CF]|℃|%"
+    r"|(?:мк|[пнмскМГ])(?:м|В|А|Н|Па|Гц|Ом|Ф|г)"
+)
 """Units that are no words and no endings of names, as ``V`` is in *Phase V*."""
+SURE = re.compile(r"(?!pm)[munpkµμ](?:m|V|A|N|Pa|Hz|[Oo]hm|Ω|bar|g)|cm|Hz|rpm|[°º]C|℃")
+"""Units that stand for themselves where they are a whole header or a whole part of one: MV may be a measured value, and
+psi an angle."""
+_PLURAL = re.compile(
+    r"((?:\S+\s+)?(?!(?:in|at|of|to|per|and|zero|the)\s)\S+)\s+(?!(?i:turns|.*(?:second|minute|hour|day|bar)s)$)([^\W\d_]{4,}s)"
+)
+"""Header of few words that ends in a unit in words: ``Voltage kilovolts``."""
+_OTHER_QUANTITY = frozenset(
+    "per pro mon monitor rate speed velocity vel dot accel squared sq count counts pp p2p".split()
+)
+"""Words beside a unit in a header that make it another unit: ``mm_rate`` is no length."""
+_GLUED = re.compile(rf"((?i:ch|chan|channel)[ _]?\d{{1,2}})({_NO_WORD}|V|A)")  # CH1mV, as oscilloscopes write it
+_ELEMENT = re.compile(r"(.+?)(\((?::,\d+|\d+,:)\))")  # Column or row of a matrix of MATLAB: y_mm(:,2)
+_MULTIPLE = re.compile(r"\d[\d.,]*\s*(\D.*)")  # Several of a unit: 1000 V
+_PEAK = re.compile(
+    rf"(?:{_NO_WORD}|V|A)(?:pp|pk|p|ss|rms|RMS|eff)"
+)  # Unit of an amplitude, which is no unit of a sample
 _APART = re.compile(rf"((?:.*\s)?{_CHANNEL})(?:\s+|\s*[-–@.|:]\s*)({_NO_WORD})")
 """Header with a unit behind a blank or another mark."""
 _BEFORE = re.compile(r"(\[[^\[\]]*\]|\([^()]{2,}\))\s*([^\W\d_][^()\[\]]*)")
@@ -63,6 +87,7 @@ _FACTOR = re.compile(
             r"(?<![\d:])10+\s?:\s?1(?!\d|:\d)",  # 1000:1, unlike times of day
             rf"(?:(?<=[^\d\s])|(?<=[^\W\d_]\d))\s?/\s?{_POWER}",  # U/100, U2/100
             r"÷\s?\d[\d.]*",
+            r"(?i:(?<![^\W_])(?:gain|factor|ratio|divider)[\s=:_]*\d{2}[\d.]*)",  # HV (V) gain 1000
         )
     )
 )
@@ -116,16 +141,20 @@ def split_units(headers: Sequence[str]) -> list[tuple[str, str]]:
     """Return names and units of the headers of a table; beside a maximum, ``min`` is no minute.
 
     >>> split_units(["x_mm_min", "x_mm_max"]), split_units(["v_mm_min"])
-    ([('x_mm_min', ''), ('x_mm_max', '')], [('v', 'mm/min')])
+    ([('x_min', 'mm'), ('x_max', 'mm')], [('v', 'mm/min')])
     >>> split_units(["F min (N)", "F max (N)"])
     [('F min', 'N'), ('F max', 'N')]
     """
     above = {header: _MINIMUM.sub("max", header) for header in headers}
     split = {header: split_unit(header) for header in headers}
-    return [
-        (header, "") if above[header] in split and split[above[header]][1] != split[header][1] else split[header]
-        for header in headers
-    ]
+    found = []
+    for header in headers:
+        name, unit = split.get(above[header], split[header])
+        if unit != split[header][1]:  # of the maximum, where the minimum seems to be in minutes
+            found.append(("min".join(name.rsplit("max", 1)), unit) if unit else (header, ""))
+        else:
+            found.append(split[header])
+    return found
 
 
 def _factor(name: str, header: str) -> str:
@@ -148,7 +177,10 @@ def _factor(name: str, header: str) -> str:
 
 def _split(header: str) -> tuple[str, str]:
     """Return name and unit of a column header, whatever else its name says."""
-    header = header.translate(FULL_WIDTH)
+    header = without_latex(header).translate(FULL_WIDTH)
+    if match := _ELEMENT.fullmatch(header):
+        name, unit = _split(match[1])
+        return f"{name}{match[2]}", unit
     if (match := _OTHER_BRACKETS.fullmatch(header)) and find_unit(said := match[2] or match[3]):
         header = f"{match[1]} [{said}]"
     if _OF_NODE.fullmatch(header):
@@ -173,6 +205,11 @@ def _split(header: str) -> tuple[str, str]:
         return match[2], for_name(match[2], unit)
     if (match := _FIRST.fullmatch(header)) and not _is_longer_unit(header):
         return match[2], for_name(match[2], find_unit(match[1]))
+    for worded in (_PLURAL, _GLUED):
+        if (match := worded.fullmatch(header)) and (unit := find_unit(match[2])):
+            return match[1], for_name(match[1], unit)
+    if (found := _among_parts(header))[1]:
+        return found
     if match := _MANGLED.fullmatch(header):
         found = _split(f"{match[1]} ({match[2]})" if match[2] else f"{match[1]}_{match[3]}")
         if found[1]:
@@ -193,6 +230,24 @@ def _split(header: str) -> tuple[str, str]:
             return f"{found[0]}{match[3]}", found[1]
     match = _IN_BRACKETS.fullmatch(header)
     return (match[1] if match and _unknown_unit(header) == match[2].strip("()[] ") else header), ""
+
+
+def _among_parts(header: str) -> tuple[str, str]:
+    """Return name and unit of a header in parts, of which one before the last is a unit: ``U_kV_set``.
+
+    >>> _among_parts("U_kV_set"), _among_parts("kV_set"), _among_parts("x_10_mm_left"), _among_parts("mV_per_kV_1")
+    (('U_set', 'kV'), ('set', 'kV'), ('x_10_mm_left', ''), ('mV_per_kV_1', ''))
+    """
+    parts = header.split("_") if re.fullmatch(r"[\w°]+", header) else []
+    places = [k for k, part in enumerate(parts) if SURE.fullmatch(part)]
+    if len(places) != 1 or not all(parts) or (place := places[0]) == len(parts) - 1:
+        return header, ""
+    before, after = parts[:place], parts[place + 1 :]
+    other = _OTHER_QUANTITY.intersection(map(str.lower, parts)) or find_unit(after[0])
+    if other or (before and before[-1].isdecimal()):  # a quotient, a scale, or a place such as x = 10 mm
+        return header, ""
+    name = "_".join([*before, *after])
+    return name, for_name(name, find_unit(parts[place]))
 
 
 def _is_doubtful(form: re.Pattern[str], name: str, unit: str) -> bool:
@@ -263,13 +318,14 @@ def said_unit(header: str) -> str:
 def _unknown_unit(header: str) -> str:
     """Return the unit in a header as written, if it is unknown and no factor stands beside it; else an empty text."""
     for form in () if _OF_NODE.fullmatch(header) else _FORMS:
-        if match := form.fullmatch(header.translate(FULL_WIDTH)):
+        if match := form.fullmatch(without_latex(header).translate(FULL_WIDTH)):
             said = match[2].strip("()[] ")
             if _is_doubtful(form, match[1], said) or find_unit(said):
                 continue
             if form is _IN_BRACKETS and re.search(r"[^\W\d_]|[%°]|\d\s*:\s*\d", said):
                 return said
-            if is_misspelt(said):
+            multiple = form is _IN_WORDS and (parts := _MULTIPLE.fullmatch(said)) and find_unit(parts[1])
+            if is_misspelt(said) or multiple or _PEAK.fullmatch(said):
                 return said
     return ""
 

@@ -49,7 +49,8 @@ def time_column(
     usual = [column for column in likely if table.headers[column] == USUAL_TIMES]
     named = [column for column in likely if _plain(table.names[column]) in TIME_NAMES]
     stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
-    stamped = [column for column in stamped if len(set(table.texts(column))) > 1]  # the date of a day
+    # The date of a day, and the time of the start, stand in all rows.
+    named, stamped, timed = ([k for k in some if not _is_constant(table, k)] for some in (named, stamped, timed))
     fields = [column for column in likely if _plain(_field(table.names[column])) in (*TIME_NAMES, *_STAMP_NAMES)]
     inner = [column for column in fields if needed and holds_times(table, column)]
     first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
@@ -80,6 +81,13 @@ def time_column(
             one,
         )
     return (found[0], table.units[found[0]]) if len(found) == 1 or (found and needed) else (None, "")
+
+
+def _is_constant(table: Table, column: int) -> bool:
+    """Return whether a column holds the same text in all rows, at least two."""
+    cells = table.texts(column)
+    first, second = next(cells, ""), next(cells, None)
+    return first == second and all(cell == first for cell in cells)
 
 
 def _breaks_off(table: Table, column: int) -> bool:
@@ -259,10 +267,16 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
     options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in TIME_UNITS}
     words = _IN_WORDS.fullmatch(table.headers[column])
     if said := "" if table.units[column] else table.own_unit(column) or (words[1] if words else ""):
+        rows = bool((np.diff(times) == 1.0).all())
+        counted = "; if the column counts the samples, state the sample time: --dt SECONDS" if rows else ""
         like = options.get(said.lower(), NO_OPTIONS)  # only capitals differ; any other unit is the user's to state
+        state = f"state one, such as {like or options['s']}"
+        state = (
+            f"convert the times to one, then state it: {options['s']}" if re.search(r"\d", said) else state
+        )  # 0.1 ms
         raise DataError(
-            f'{place} are said to be in "{clipped(said)}", which is not a known unit of time; state one, such as '
-            f"{like or options['s']} (known are {', '.join(TIME_UNITS)})",
+            f'{place} are said to be in "{clipped(said)}", which is not a known unit of time; {state} '
+            f"(known are {', '.join(TIME_UNITS)}){counted}",
             like,
         )
     steps = np.diff(times)
@@ -317,6 +331,13 @@ def no_times(table: Table, taken: set[int]) -> DataError:
         )
     likely = likely_times(table, taken)
     offers = times_options(table, likely[0]) if likely and _equal(table, likely) else NO_OPTIONS
+    for column in set(range(len(table.names))) - taken:
+        if _plain(table.names[column]) in TIME_NAMES and _is_constant(table, column):
+            return DataError(
+                f'{table.path}: the column "{table.shown(column)}" holds the same time in all rows; name the column of '
+                f"times ({offers or '--time-column NAME'}), or give the sample time in seconds: --dt, in Python dt",
+                offers,
+            )
     advice = (
         f'rename the column of times to "{USUAL_TIMES}", or write a unit of time, such as (s), after or below its name; '
         f"or name this column with {offers or '--time-column NAME'}; "

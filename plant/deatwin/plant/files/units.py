@@ -436,18 +436,56 @@ _TEN_TO = re.compile(
 """Unit behind a power of ten, such as ``10^-3 m``, ``10⁻³ m`` or ``1e-3 m``."""
 _RAISED = re.compile("10([⁺⁻]?[⁰¹²³⁴-⁹]+)")
 _DIRECT = re.compile(r"(?<=[VA])(?:\s*(?:DC|dc)|\s+vs\b.*)$")  # Behind the unit of a direct voltage or current
-FULL_WIDTH = str.maketrans("（）［］【】", "()[][]")  # Brackets among Chinese and Japanese characters
+FULL_WIDTH = str.maketrans("（）［］【】〔〕", "()[][][]")  # Brackets among Chinese and Japanese characters
+_NO_WIDTH = re.compile("[\u200b-\u200d\u2060\ufeff]")  # Marks that web pages leave in a copied text
+_LATEX_UNIT = re.compile(r"\\(?:si|unit)\s*\{([^{}]*)\}")
+_LATEX_PREFIX = re.compile(r"\\(pico|nano|micro|milli|centi|hecto|kilo|mega|giga|tera)\s*\\?")
+_LATEX_SIGNS = (
+    (re.compile(r"\{?\\(?:text)?mu\}?\s*|\\micro\s+"), "µ"),
+    (re.compile(r"\^\s*\{?\s*\\circ\s*\}?|\\degree\s*(?=C|\\?[cC]elsius)|\\textdegree\s*"), "°"),
+    (re.compile(r"\\(?:mathrm|text|textrm|rm|ensuremath)\s*\{([^{}]*)\}"), r"\1"),
+    (re.compile(r"\\[,;! ]|~"), " "),
+    (re.compile(r"\\%"), "%"),
+)
+
+
+def without_latex(text: str) -> str:
+    """Return a header or a unit without the commands of LaTeX, a unit of its package siunitx in brackets.
+
+    >>> without_latex(r"$U$ / \\si{\\kilo\\volt}"), without_latex(r"x in \\unit{\\um}"), without_latex(r"x [$\\mu$m]")
+    ('U (kilovolt)', 'x (um)', 'x [µm]')
+    >>> without_latex(r"a [\\si{\\metre\\per\\second\\squared}]"), without_latex("price ($)")
+    ('a [metre / second2]', 'price ($)')
+    """
+    if "\\" not in text and text.count("$") < 2:
+        return text
+    text = re.sub(r"\$([^$]*)\$", r"\1", _LATEX_UNIT.sub(_of_siunitx, text))
+    for command, sign in _LATEX_SIGNS:
+        text = command.sub(sign, text)
+    text = re.sub(r"(?:\s+(?:in|en)\s+|\s*/\s*|\s*,\s*)(?=\([^()]*\)$)", " ", text)
+    return re.sub(r"([(\[])\s*\(([^()]*)\)\s*(?=[)\]])", r"\1\2", text)
+
+
+def _of_siunitx(found: re.Match[str]) -> str:
+    """Return the unit in a command of siunitx in words, in brackets."""
+    words = re.sub(r"\\(squared|cubed)", lambda power: "2" if power[1] == "squared" else "3", found[1])
+    words = re.sub(r"\\degreeCelsius|\\celsius", "°C", re.sub(r"\\per(?![a-z])", " / ", words))
+    words = re.sub(r"\\([A-Za-z]+)", r" \1", _LATEX_PREFIX.sub(r"\\\1", words))
+    return f"({' '.join(words.replace('.', ' ').replace('~', ' ').split())})"
 
 
 def find_unit(text: str) -> str:
     """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names."""
-    raised = _RAISED.sub(r"10^\1", text.strip())
-    bare = unicodedata.normalize("NFKC", raised.replace("º", "°").replace("Â", ""))  # full width, ㎜, U+00B5; Âµ was µ
+    raised = _RAISED.sub(r"10^\1", without_latex(text.strip()))
+    read = raised.replace("º", "°").replace("Â", "").replace("Î¼", "µ")  # Âµ and Î¼ were µ and μ
+    bare = unicodedata.normalize("NFKC", _NO_WIDTH.sub("", read)).strip()  # full width, ㎜, U+00B5
     if in_brackets := bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()
     bare = _DIRECT.sub("", bare)
     if bare in _SYMBOLS:
         return bare
+    if bare.startswith("_"):
+        return ""  # in place of a sign that was lost, such as µ
     if bare.startswith("in ") and (unit := find_unit(bare[3:])) not in ("", "lbf", "ozf"):
         return unit  # in lbf may be a torque
     match = _TEN_TO.fullmatch(" ".join(bare.split()))

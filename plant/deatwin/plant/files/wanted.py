@@ -14,6 +14,10 @@ from deatwin.plant.readoptions import ReadOptions
 from deatwin.plant.safe_read import clipped
 
 _SCALE = re.compile(r"(?:1\s*)?([^\d\s]+?)\s*(?:/|\sper\s|=\s*1?)\s*([^\d\s]+)")
+_COUNTED = re.compile(
+    r"(?i)(?:.*[^a-z])?(counts|lsbs?|digits|bits|codes|steps|ticks|pulses|duty(?:[ _-]?cycle)?|pwm|percent|prozent)\W*"
+)
+"""Name of a column of an input or output that is no voltage and no length, although it gives no unit."""
 
 
 def require_known_units(table: Table, columns: Sequence[int]) -> None:
@@ -123,6 +127,13 @@ def _way(table: Table, column: int, wanted: str, taken: Collection[int]) -> Unit
     if wanted == "1" and (unit.is_si or unit.si == "1"):
         return replace(unit, si=wanted)
     if not (said := known or said or table.own_unit(column)):
+        if wanted != "1" and (counted := _COUNTED.fullmatch(table.names[column])):
+            raise DataError(
+                f'{table.path}: the column "{table.shown(column)}" seems to hold {counted[1].lower()}, but the model needs it '
+                f"in {wanted}: multiply the numbers by their size in {wanted}, and name the column "
+                f'"{header_like("signal", wanted)}"; if they are in {wanted} already, state it: '
+                f'"{table.unmistakable(column)}={wanted}"'
+            )
         return None
     raise _another_unit(table, column, said, wanted, taken)
 

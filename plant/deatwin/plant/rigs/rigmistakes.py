@@ -23,6 +23,7 @@ Place = tuple[str, ...]  # A section, or a section and one of its keys; empty fo
 READINGS = "readings"  # Section whose own sections describe further readings
 ALIKE = 0.85  # Likeness of names of one quantity: a letter or two are wrong
 MOST = 20  # Number of mistakes that are listed one by one
+_THINNEST_TAPE = 0.5  # mm, that of VHB 4905
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\\]*"|'[^']*')"""
 _PATH = rf"{_PART}(?:\s*\.\s*{_PART})*"
 _HEADER = re.compile(rf"\s*\[{{1,2}}\s*({_PATH})\s*\]{{1,2}}\s*(?:#.*)?")
@@ -86,11 +87,24 @@ def remarks_of(data: Mapping[str, Any]) -> list[Mistake]:
         for name, value in data.get(section, {}).items()
         if isinstance(key := keys[name], NumberKey) and (text := key.remark(value))
     ]
+    if text := _stretched_already(data.get("film", {})):
+        found.append(Mistake(text=text, at=("film", "thickness_mm"), line_of=("film", "thickness_mm")))
     found += [
         Mistake(text=text, at=("material", *path), line_of=("material", *path))
         for path, text in material_remarks(data.get("material", {}))
     ]
     return found
+
+
+def _stretched_already(film: Mapping[str, Any]) -> str:
+    """Describe a thickness that a tape of VHB has only when it is stretched; empty for others."""
+    thickness, prestretch = film.get("thickness_mm", _THINNEST_TAPE), film.get("prestretch")
+    tape = prestretch is not None and str(film.get("material", "")).startswith("VHB")
+    if not tape or thickness >= 0.8 * _THINNEST_TAPE:
+        return ""
+    before = thickness * prestretch * film.get("side_prestretch", prestretch)
+    meant = f"; if that is after stretching, write {before:.2g}" if before >= 0.8 * _THINNEST_TAPE else ""
+    return f"{thickness:g} is unusual; tapes of VHB are sold {_THINNEST_TAPE:g} mm thick or more{meant}"
 
 
 def _key_of_kind(data: Mapping[str, Any]) -> str:

@@ -11,7 +11,9 @@ _CURLY = "“”„‟«»‘’‚‛`´"
 _KEY = re.compile(r"\s*([A-Za-z0-9_-]+)\s*=\s*(.*?)\s*")
 _BARE = re.compile(r"\s*([A-Za-z0-9_-]+)\s+([^=\[\]#]+?)\s*(?:#.*)?")
 _ODD_KEY = re.compile(r"\s*([^=:#\"']*[^=:#\"'\s])\s*([=:])\s*(.*?)\s*")
-_TITLE = re.compile(r"\s*([A-Za-z0-9_-]+)\s*:" + _END)
+_TITLE = re.compile(r"\s*(?:([A-Za-z0-9_-]+)\s*:|[({<]\s*([A-Za-z0-9_-]+)\s*[)}>])" + _END)
+_LOOK_ALIKE = str.maketrans("аеорсухіАЕОРСХВМНКТ", "aeopcyxiAEOPCXBMHKT")  # Cyrillic letters
+_STRANGE = re.compile(r"[^\x00-\x7f]")
 _SECTION = re.compile(r"\s*\[([A-Za-z0-9_-]+)\s*\]?" + _END)
 _BACKSLASH = re.compile(r'"((?:[^"\\]|\\\\)*\\(?!u[0-9A-Fa-f]{4}|[\\"])[^"]*)"' + _END)
 _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
@@ -41,7 +43,15 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
     ),
     (re.compile(r'"([^"#]*?)\s*(?:#[^"]*)?'), lambda word: f'the closing quote is missing: write "{word}"'),
     (re.compile(rf"({_NUMBER})\s*;.*"), lambda number: f"leave the semicolon out: write {number}"),
-    (re.compile(rf'({_NUMBER}|"[^"]*")\s*//.*'), lambda value: f"a comment begins with #, not with //: write {value}"),
+    (
+        re.compile(rf'({_NUMBER}|"[^"]*")\s*(//|%|--).*'),
+        lambda value, mark: f"a comment begins with #, not with {mark}: write {value}",
+    ),
+    (
+        re.compile(rf"({_NUMBER})\s*(?:±|\+/?-).*"),
+        lambda number: f"write one number, without its tolerance: {number}",
+    ),
+    (re.compile(rf"[−–]\s*(\d[^#]*?){_END}"), lambda number: f"a minus sign is a hyphen: write -{number}"),
     (
         re.compile(rf"([+-]?[1-9]\d{{0,2}}(?:[.' ]\d{{3}})+),(\d+){_END}"),
         lambda whole, part: (
@@ -76,7 +86,7 @@ def slip_of(text: str) -> str:
                 return f"line {number}: the section [{section[1]}] is already in line {sections[section[1]]}: keep one of the two"
             seen, sections[section[1]] = {}, number
         elif title := _TITLE.fullmatch(line):
-            return f"line {number}: a section must be in brackets: write [{clipped(title[1])}]"
+            return f"line {number}: a section must be in brackets: write [{clipped(title[1] or title[2])}]"
         elif entry := _KEY.fullmatch(line):
             key, value = entry.groups()
             for slip, say in _SLIPS:
@@ -86,9 +96,14 @@ def slip_of(text: str) -> str:
                 return f"line {number}, {clipped(key)}: the key is already in line {seen[key]}: keep one of the two"
             seen[key] = number
         elif odd := _ODD_KEY.fullmatch(line):
-            key = re.sub(r"[^A-Za-z0-9-]+", "_", odd[1].replace("µ", "u").replace("μ", "u")).strip("_")
+            plain = odd[1].replace("µ", "u").replace("μ", "u").translate(_LOOK_ALIKE)
+            key = re.sub(r"[^A-Za-z0-9-]+", "_", plain).strip("_")
             if odd[2] == ":" or key != odd[1]:
                 return f"line {number}: write {clipped(key)} = {clipped(odd[3])}"
         elif bare := _BARE.fullmatch(line):
             return f"line {number}: write {clipped(bare[1])} = {clipped(bare[2])}"
+    for number, line in enumerate(text.split("\n"), start=1):
+        bare_line = re.sub(r"\"[^\"]*\"|'[^']*'|#.*", "", line)
+        if strange := _STRANGE.search(bare_line):
+            return f"line {number}: the character U+{ord(strange[0]):04X} must not stand outside quotes; type the line anew"
     return ""

@@ -213,5 +213,5 @@ def test_equal_readings_far_outside_all_others_are_asked_for(mark: float) -> Non
     marked = np.where(np.isin(np.arange(500), [50, 51, 300]), mark, displacement)
     for readings, times in ((marked, 1), (displacement, 0), (np.round(displacement, 4), 0)):
         lines = look_at(Recording.from_arrays(command, readings, STEP)).lines
-        assert sum("3 readings are" in line and "far outside all others" in line for line in lines) == times
+        assert sum(f"3 readings are {mark} m, far outside all others" in line for line in lines) == times
         assert times or not any("far outside" in line for line in lines)

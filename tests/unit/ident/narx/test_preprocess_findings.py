@@ -103,6 +103,11 @@ def test_a_coarse_resolution_is_named_and_a_fine_one_is_not():
     assert ("displacement", FindingKind.QUANTISATION) not in fine
 
 
+def test_noise_that_the_steps_hide_is_not_said_to_be_zero():
+    coarse = named(record(lambda y: np.round(y / 5e-6) * 5e-6))["displacement", FindingKind.QUANTISATION]
+    assert "hide the noise" in coarse.text and "0 m rms" not in coarse.text
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_clipping_is_named_with_its_level(sign):
     found = named(record(lambda y: sign * np.minimum(y, 2.5e-6)))

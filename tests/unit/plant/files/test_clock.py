@@ -52,7 +52,7 @@ def test_stated_sample_time() -> None:
     assert (sample_time, piece.clock.tolist()) == (0.5, [5.0])
 
 
-@pytest.mark.parametrize(("bits", "rate"), [(32, 1e6), (32, 1e3), (16, 1e3)])
+@pytest.mark.parametrize(("bits", "rate"), [(32, 1e6), (32, 1e3), (24, 1e6), (16, 1e3)])
 def test_a_counter_that_begins_again_is_named(bits: int, rate: float) -> None:
     size = 2.0**bits / rate
     times = (size - 1.0 + 0.02 * np.arange(100)) % size

@@ -80,6 +80,53 @@ READ = {
     "units without a name": ("[s],Cmd[V],Laser[mm]\n" + plain(), "Cmd", "Laser", {}),
     "units in wide brackets": ("t\uff08s\uff09,u\uff08V\uff09,y\uff08mm\uff09\n" + plain(), "u", "y", {}),
     "units behind in": ("in s,C1 in V,C2 in mm\n" + plain(), "C1", "C2", {}),
+    "units of LaTeX below the names": (
+        "t,U,x\n\\si{\\milli\\second},\\si{\\kilo\\volt},\\si{\\micro\\metre}\n"
+        + table(20 * np.arange(60), [f"{u / 1e3:.7f}" for u in U], [f"{1e3 * y:.1f}" for y in Y]),
+        "U",
+        "x",
+        {},
+    ),
+    "units in place of names, beside date and time": (
+        "Ch,,,CH1,CH2\nDate,Time,sec,kV,um\n"
+        + table(
+            ["2024/05/01"] * 60,
+            [f"10:11:{12 + k // 50}" for k in range(60)],
+            [f"{0.02 * k % 1:.2f}" for k in range(60)],
+            [f"{u / 1e3:.7f}" for u in U],
+            [f"{1e3 * y:.1f}" for y in Y],
+        ),
+        "kV",
+        "um",
+        {"dt": DT},
+    ),
+    "a mark of UTF-8 within joined files": (
+        "\ufefftime_s,u_V,y_mm\n" + plain().replace("\n0.5,", "\n\ufeff0.5,"),
+        "u_V",
+        "y_mm",
+        {},
+    ),
+    "cells kept from a spreadsheet's guesses": (
+        '="time_s",="u_V",="y_mm"\n' + "".join(f'="{t:.2f}",="{u}",="{y}"\n' for t, u, y in zip(T, U, Y, strict=True)),
+        "u_V",
+        "y_mm",
+        {},
+    ),
+    "pages with a header each": (
+        "\f".join(
+            "time_s u_V y_mm\n" + table(np.round(T, 2)[k : k + 20], U[k : k + 20], Y[k : k + 20], mark=" ")
+            for k in (0, 20, 40)
+        ),
+        "u_V",
+        "y_mm",
+        {},
+    ),
+    "units of none of the columns": (
+        "time_s,u_V,y_mm\n-,-,-\n" + plain(),
+        "u_V",
+        "y_mm",
+        {},
+    ),
     "a block of channels": (BLOCK + table([""] * 60, U, Y), "CH1", "CH2", {"dt": DT}),
     "a block of titles": (TITLES + LIMITS + plain(mark="\t"), "Command", "Laser", {"time_column": "#1"}),
     "a block of titles that ends in units": (TITLES + plain(mark="\t"), "Command", "Laser", {"time_column": "#1"}),
@@ -359,7 +406,7 @@ def test_a_unit_of_time_in_words_is_asked_for_if_unknown(tmp_path: Path, header:
     assert found.sample_time == pytest.approx(2.5e-3)
 
 
-@pytest.mark.parametrize("form", ["y_mm_{}", "y ({})", "y_{}"])
+@pytest.mark.parametrize("form", ["y ({})", "y_{}"])
 def test_a_minimum_beside_a_maximum_is_not_in_minutes(tmp_path: Path, form: str) -> None:
     """As pandas names the columns of an aggregate, and as a logger averages."""
     head = ",".join(["time (min)", "u_V", *map(form.format, ("mean", "min", "max"))])
@@ -369,7 +416,7 @@ def test_a_minimum_beside_a_maximum_is_not_in_minutes(tmp_path: Path, form: str)
     assert (found.output_units, found.sample_time) == (("",), pytest.approx(60 * DT))
 
 
-@pytest.mark.parametrize("form", ["y_{}_mm", "y {} (mm)", "y (mm) {}"])
+@pytest.mark.parametrize("form", ["y_{}_mm", "y_mm_{}", "y {} (mm)", "y (mm) {}"])
 def test_a_minimum_beside_a_maximum_keeps_the_unit_of_both(tmp_path: Path, form: str) -> None:
     head = ",".join(["time (min)", "u_V", *map(form.format, ("min", "max"))])
     (tmp_path / "r.csv").write_text(f"{head}\n{table(T, U, Y - 1, Y + 1)}", encoding="utf-8")
@@ -443,3 +490,89 @@ def test_a_factor_is_no_position_and_the_number_of_a_row_no_reading(tmp_path: Pa
     assert [column.role for column in found.columns] == ["time", "input", "output"]
     (tmp_path / "meter.csv").write_text("NO.,Time,Value\n" + table(range(60), T, U), encoding="utf-8")
     assert not understand(tmp_path / "meter.csv").recordings
+
+
+COUNTS = {
+    "a sample is missing": ("Sample", [k + (k > 30) for k in range(60)], "goes from 30 to 32 in row 33"),
+    "a sample is repeated": ("i", [k - (k > 30) for k in range(60)], "goes from 30 to 30 in row 33"),
+    "the count begins again": ("n", [k % 40 + 1 for k in range(60)], "goes from 40 to 1 in row 42"),
+    "another trial begins": ("trial", [1 + k // 20 for k in range(60)], "goes from 1 to 2 in row 22"),
+    "another run begins": ("Run no.", ["AB"[k // 30] for k in range(60)], "goes from A to B in row 32"),
+    "each row has its number": ("Sample", range(60), ""),
+    "the counter has one byte": ("seq", [(k + 200) % 256 for k in range(60)], ""),
+    "the counter has two digits": ("seq", [(k + 70) % 100 for k in range(60)], ""),
+    "another column has levels": ("truncated", [1 + k // 20 for k in range(60)], ""),
+    "there is one trial": ("trial", [7] * 60, ""),
+}
+
+
+@pytest.mark.parametrize("kind", COUNTS)
+def test_rows_that_do_not_follow_each_other_are_named_if_a_sample_time_is_stated(tmp_path: Path, kind: str) -> None:
+    name, column, said = COUNTS[kind]
+    (tmp_path / "r.csv").write_text(f"{name},u_V,y_mm\n" + table(column, U, Y), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", dt=0.02)
+    np.testing.assert_array_equal(found.inputs[0], U)
+    assert said in found.provenance.get("clock", "")
+    assert bool(said) == ("clock" in found.provenance)
+
+
+def test_a_time_that_is_the_same_in_all_rows_is_no_clock(tmp_path: Path) -> None:
+    """The time of the start beside a count: another column, or the stated sample time, is the clock."""
+    (tmp_path / "r.csv").write_text("Time,ms,u_V,y_mm\n" + table(["10:11:12"] * 60, 20 * np.arange(60), U, Y), "utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert found.sample_time == pytest.approx(0.02)
+    (tmp_path / "r.csv").write_text("Time,n,u_V,y_mm\n" + table(["10:11:12"] * 60, range(60), U, Y), "utf-8")
+    with pytest.raises(DataError, match=r'"Time" holds the same time in all rows; .*--dt'):
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", dt=0.01)
+    assert found.sample_time == 0.01
+
+
+def test_times_in_samples_are_no_seconds(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("Time (samples),u_V,y_mm\n" + table(range(60), U, Y), "utf-8")
+    with pytest.raises(DataError, match="if the column counts the samples, state the sample time: --dt SECONDS"):
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", dt=0.01)
+    assert found.sample_time == 0.01
+
+
+def test_the_name_of_a_time_zone_may_follow_its_offset(tmp_path: Path) -> None:
+    times = [f"2024-05-01T10:11:{12 + 0.02 * k:05.2f}+02:00[Europe/Berlin]" for k in range(60)]
+    (tmp_path / "r.csv").write_text("time,u_V,y_mm\n" + table(times, U, Y), "utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert found.sample_time == pytest.approx(0.02)
+    assert found.provenance["clock_began"] == "2024-05-01T08:11:12+00:00"
+
+
+def test_a_line_of_units_may_hold_the_one_of_a_ratio(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("t,u,stretch\nms,kV,1\n" + plain(20 * np.arange(60)), "utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u", output_column="stretch")
+    np.testing.assert_allclose(found.inputs[0], 1e3 * U, rtol=1e-12)
+    np.testing.assert_array_equal(found.outputs[0], Y)
+
+
+def test_units_in_capitals_are_no_names(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("TIME,VOLTAGE,DISP\nSEC,KV,MM\n" + plain(), "utf-8")
+    with pytest.raises(DataError, match=r'"VOLTAGE" is in "KV", which is not a known unit; did you mean "kV"\?'):
+        read_recording(tmp_path / "r.csv", input_column="VOLTAGE", output_column="DISP")
+
+
+@pytest.mark.parametrize("first", ["0,1,2", "1,2,3"])
+def test_numbers_of_columns_are_no_sample(tmp_path: Path, first: str) -> None:
+    """As pandas writes a frame without names."""
+    (tmp_path / "r.csv").write_text(f"{first}\n{plain()}", "utf-8")
+    with pytest.raises(DataError, match=r"row 1: \d, \d, \d may be the numbers of the columns, or a sample"):
+        read_recording(tmp_path / "r.csv", input_column="#2", output_column="#3", dt=DT)
+    (tmp_path / "r.csv").write_text(plain(), "utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="#2", output_column="#3", time_column="#1")
+    assert found.n_samples == 60
+
+
+def test_commas_between_thousands_beside_decimal_commas_are_asked_for(tmp_path: Path) -> None:
+    """A column with 213 and 3,130 holds whole volts, or volts with decimals that end in zeros."""
+    volts = [f"{213 + 97 * k:,}" for k in range(60)]
+    decimals = ([f"{value:.2f}".replace(".", ",") for value in column] for column in (T, Y))
+    times, readings = decimals
+    (tmp_path / "r.csv").write_text("time_s;u_V;y_mm\n" + table(times, volts, readings, mark=";"), "utf-8")
+    with pytest.raises(DataError, match=r'column "u_V": "1,086" may mean thousands or a decimal comma'):
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")

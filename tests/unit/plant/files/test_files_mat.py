@@ -436,3 +436,54 @@ def test_the_signals_of_a_matrix_are_its_columns(tmp_path: Path, across: bool) -
         columns = {f"{role}_column": named(k) for role, k in (("time", 1), ("input", 2), ("output", 3))}
         found = read_recording(tmp_path / "lab.mat", **columns)
         np.testing.assert_array_equal([found.timepts, found.inputs[0], found.outputs[0]], matrix)
+
+
+TRIALS = np.column_stack([COMMAND, COMMAND[::-1]])
+
+
+@pytest.mark.parametrize(
+    "units",
+    [
+        {"u_mV": TRIALS, "y_um": 2.0 * TRIALS},
+        {"u": TRIALS, "y": 2.0 * TRIALS, "units": {"u": "mV", "y": "um"}},
+        {"u": TRIALS, "y": 2.0 * TRIALS, "u_unit": "mV", "y_unit": "um"},
+        {"u": TRIALS, "y": 2.0 * TRIALS, "uUnit": "mV", "yUnit": "um"},
+    ],
+)
+@pytest.mark.parametrize("version", [5, 7.3])
+def test_each_trial_in_a_matrix_has_the_unit_of_the_matrix(tmp_path: Path, units: dict, version: float) -> None:
+    path = tmp_path / "r.mat"
+    savemat(path, {"t": TIME, **units}) if version == 5 else hdf5_mat(path, {"t": TIME, **units})
+    names = [name for name, value in units.items() if isinstance(value, np.ndarray)]
+    found = read_recording(path, input_column=f"{names[0]}(:,2)", output_column=f"{names[1]}(:,1)")
+    np.testing.assert_allclose(found.inputs[0], 1e-3 * COMMAND[::-1], rtol=1e-12)
+    np.testing.assert_allclose(found.outputs[0], 2e-6 * COMMAND, rtol=1e-12)
+    assert (found.input_units, found.output_units) == (("V",), ("m",))
+
+
+def test_an_attribute_lists_the_units_of_several_signals(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["t"] = TIME
+        scope = file.create_dataset("run/scope", data=np.column_stack([COMMAND, 3.0 * COMMAND]))
+        scope.attrs["units"] = ["V", "A"]  # volts times amperes would be watts
+    found = read_recording(tmp_path / "r.h5", input_column="scope(2,:)", output_column="scope(1,:)")
+    np.testing.assert_array_equal(found.inputs[0], 3.0 * COMMAND)
+    assert (found.input_units, found.output_units) == (("A",), ("V",))
+
+
+@pytest.mark.parametrize("cells", [False, True])
+def test_data_of_the_identification_toolbox_are_in_the_units_of_its_fields(tmp_path: Path, *, cells: bool) -> None:
+    """As ``get(data)`` returns them: ``Ts`` is in ``TimeUnit``."""
+    said = {"TimeUnit": "milliseconds", "InputUnit": "kV", "OutputUnit": "mm"}
+    if cells:  # of which MATLAB makes one for each channel
+        for name in ("InputUnit", "OutputUnit"):
+            cell = np.empty((1, 1), dtype=object)
+            cell[0, 0] = said[name]
+            said[name] = cell
+    data = {"InputData": COMMAND.reshape(-1, 1), "OutputData": COMMAND.reshape(-1, 1), "Ts": 20.0, **said}
+    savemat(tmp_path / "r.mat", {"data": data})
+    found = read_recording(tmp_path / "r.mat", input_column="InputData", output_column="OutputData")
+    assert found.sample_time == pytest.approx(0.02)
+    np.testing.assert_allclose(found.inputs[0], 1e3 * COMMAND, rtol=1e-12)
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * COMMAND, rtol=1e-12)

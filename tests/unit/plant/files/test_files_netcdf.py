@@ -187,3 +187,15 @@ def test_written_for_others(path: Path) -> None:
         np.testing.assert_array_equal(found["time"], [7.0, 7.5])
         assert (found["displacement"].attrs["units"], found["displacement"].attrs["role"]) == ("m", "output")
         assert found.attrs["sample_time"] == 0.5
+
+
+def test_a_few_trials_along_a_dimension_are_signals(path: Path) -> None:
+    trials = {
+        "u": (("trial", "time"), np.stack([COMMAND, 2.0 * COMMAND]), {"units": "kV"}),
+        "x": (("trial", "time"), np.stack([3.0 * COMMAND, 4.0 * COMMAND]), {"units": "um"}),
+    }
+    xarray.Dataset(trials, coords={"time": ("time", TIME, {"units": "s"})}).to_netcdf(path, engine="h5netcdf")
+    found = read_recording(path, input_column="u(2,:)", output_column="x(2,:)")
+    np.testing.assert_allclose(found.inputs[0], 2e3 * COMMAND, rtol=1e-12)
+    np.testing.assert_allclose(found.outputs[0], 4e-6 * COMMAND, rtol=1e-12)
+    assert found.sample_time == pytest.approx(0.02, rel=1e-12)

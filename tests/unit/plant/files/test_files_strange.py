@@ -108,6 +108,20 @@ REFUSED = {
         with_times([f"2026-10-25 0{3 - (t > 0.3)}:00:00.{1000 * t:03.0f}" for t in T]),
         "row 18: times do not increase.*; exactly an hour: where summer time .* offset from UTC; else there the clock",
     ),
+    "a clock of twelve hours": (
+        with_times(
+            [f"2026-10-25 {12 if t < 0.3 else 1:02d}:{59 if t < 0.3 else 0:02d}:{(59.7 + t) % 60:06.3f}" for t in T]
+        ),
+        "row 17: times do not increase.*; exactly twelve hours: if the clock shows no am and pm, give times of 24 hours",
+    ),
+    "a clock with points": (
+        [row.replace(row.split(",")[0], f"10.11.{12 + float(row[:4]):06.3f}", 1) for row in ROWS],
+        r'row 2, .*"10\.11\.12\.000" is not a number; write .* a time of day as in 12:00:00\.25',
+    ),
+    "tenths of milliseconds": (
+        with_times([str(200 * k) for k in range(40)]),
+        'said to be in "0.1 ms", .*; convert the times to one, then state it: .*=s"',
+    ),
     "an overflow": (
         [*ROWS[:9], "0.18,0.1,-9.9E37", *ROWS[10:]],
         'row 11, .*_mm": -9.9E37 marks an overflow or a missing value',
@@ -129,6 +143,7 @@ def test_it_is_refused_with_a_line_to_follow(tmp_path: Path, kind: str) -> None:
         "times of day in days": "Time",
         "ticks": "Time (ticks)",
         "a capital unit": "Time (mS)",
+        "tenths of milliseconds": "Time (0.1 ms)",
     }
     time = times.get(kind, "date" if " " in rows[0] and "mm" not in rows[0] else "time_s")
     (tmp_path / "r.csv").write_text("\n".join([HEAD.replace("time_s", time), *rows]), encoding="utf-8")

@@ -224,3 +224,12 @@ def test_even_rows_are_read_as_rows_that_need_a_closer_look(
     np.testing.assert_array_equal(even.outputs, quoted.outputs)
     np.testing.assert_array_equal(even.inputs, quoted.inputs)
     np.testing.assert_array_equal(even.inputs[0], [float(row[0].replace(",", ".")) for row in texts])
+
+
+def test_samples_with_units_in_their_cells_are_refused_with_the_place_for_the_unit(tmp_path: Path) -> None:
+    rows = "".join(f"2024-05-01 10:11:{12 + k},{k / 7:.3f} kV,{k % 5} mm\n" for k in range(40))
+    (tmp_path / "r.csv").write_text(f"Time,HV,Laser\n{rows}", encoding="utf-8")
+    with pytest.raises(
+        DataError, match=r'in row 2 "0\.000 kV" is not a number; write only numbers in the rows, and the unit'
+    ):
+        read_recording(tmp_path / "r.csv", input_column="HV", output_column="Laser")

@@ -347,3 +347,14 @@ def test_a_sensitivity_gives_way_to_the_unit_that_a_user_states(tmp_path: Path) 
     with pytest.raises(DataError, match=r'scale of a monitor, of which 1 stands for 1 mm, state it: .*=mm"'):
         read_recording(tmp_path / "r.csv", output_column="#3", output_unit="m")
     assert read_recording(tmp_path / "r.csv", output_column="#3=mm", output_unit="m").outputs[0, 4] == 4e-3
+
+
+@pytest.mark.parametrize("header", ["DAC counts", "U_LSB", "pwm", "AO codes", "duty_cycle"])
+def test_a_command_in_counts_is_no_voltage(tmp_path: Path, header: str) -> None:
+    """A command without a unit is taken as it is, but not where its name says that it is no voltage."""
+    rows = [f"{0.02 * k:.2f},{k % 7},{k % 5}" for k in range(40)]
+    (tmp_path / "r.csv").write_text("\n".join([f"time_s,{header},displacement_mm", *rows, ""]), encoding="utf-8")
+    with pytest.raises(DataError, match=f'multiply the numbers .* already, state it: "{header}=V"'):
+        read_recording(tmp_path / "r.csv", input_column=header, input_unit="V")
+    assert read_recording(tmp_path / "r.csv", input_column=f"{header}=V", input_unit="V").inputs[0, 4] == 4.0
+    assert read_recording(tmp_path / "r.csv", input_column=header, input_unit="1").inputs[0, 4] == 4.0

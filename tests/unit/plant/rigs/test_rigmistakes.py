@@ -269,6 +269,7 @@ def test_commands_that_no_film_takes(drive: str, fault: str) -> None:
 UNUSUAL = [
     ("diaphragm", "load", "mass_g", 0.003, "0.003 is unusual; most are 0.2 to 1000; if that is in kg, write 3"),
     ("diaphragm", "load", "contact_diameter_mm", 0.02, "in m, write 20"),
+    ("diaphragm", "film", "thickness_mm", 0.0408, "0.5 mm thick or more; if that is after stretching, write 0.5"),
     ("diaphragm", "drive", "gain", 2.0, "in kV a volt, write 2000"),
     ("diaphragm", "drive", "current_limit_uA", 0.2, "in mA, write 200"),
     ("diaphragm", "drive", "sink_current_uA", 2e-4, "in A, write 200"),

@@ -309,10 +309,8 @@ def _quantisation(channel: _Channel) -> Iterator[Finding]:
     y = channel.values
     step, noise = resolution(y), noise_of_bends(y)
     if step**2 / 12.0 > 0.1 * noise**2:
-        text = (
-            f"the readings are rounded to steps of {channel.amount(step)} ({np.unique(y).size} different values); the "
-            f"noise is {channel.amount(noise)} rms"
-        )
+        beside = f"the noise is {channel.amount(noise)} rms" if noise else "they hide the noise"
+        text = f"the readings are rounded to steps of {channel.amount(step)} ({np.unique(y).size} different values); {beside}"
         yield channel.finding(FindingKind.QUANTISATION, np.arange(y.size), step, text)
 
 

@@ -15,6 +15,7 @@ from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.safe_read import COLUMNS, clipped
 
+WIDEST = 64  # Largest number of signals in a matrix or an array of structs; wider matrices are images and maps
 _UNITS = re.compile(
     r"(?i)(NI_|engineering)?[ _]?units?([ _]?(string|symbol|description))?"
 )  # Attributes that name units
@@ -167,6 +168,15 @@ def array_table(
         columns=tuple(columns.values()),
         timings=tuple(timings[header] for header in columns) if timings else (),
     )
+
+
+def of_matrix(name: str, value: np.ndarray, lengths: set[int]) -> dict[str, np.ndarray]:
+    """Return the signals of a matrix, which run along its longer side; none if other vectors have other lengths."""
+    if value.ndim != 2 or not 1 < min(value.shape) <= WIDEST or (lengths and max(value.shape) not in lengths):
+        return {}
+    if value.shape[0] >= value.shape[1]:
+        return {f"{name}(:,{k})": column for k, column in enumerate(value.T, start=1)}
+    return {f"{name}({k},:)": row for k, row in enumerate(value, start=1)}
 
 
 def units_of(attributes: Mapping[str, Any]) -> list[str]:

@@ -22,8 +22,10 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes, read_table
 from deatwin.plant.files.formats.apart import unpacked
 from deatwin.plant.files.formats.arrays import (
+    WIDEST,
     ArrayTable,
     array_table,
+    of_matrix,
     require_no_scale,
     short_names,
     units_of,
@@ -49,9 +51,11 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 _USER_BLOCK = 512  # Number of bytes before the HDF5 signature in a file of version 7.3
 _SAMPLE_TIMES = ("ts", "dt", "sample_time")
 _SAMPLE_RATES = ("fs", "sample_rate")
-_NAMES_UNIT = re.compile(r"(?i)units?\.(.+)|(.+)_units?")  # Text that names the unit of the signal of this name
+_NAMES_UNIT = re.compile(r"(?i:units?)\.(.+)|(.+)(?:_(?i:units?)|(?<=[a-z\d])Units?)")
+"""Text that names the unit of the signal of this name: ``units.force``, ``force_unit``, ``forceUnit``."""
+_OF_UNIT = {"Input": ("InputData", "u"), "Output": ("OutputData", "y"), "Time": ("Ts", "SamplingInstants")}
+"""Fields of the data of the System Identification Toolbox, by those of their units without ``Unit``."""
 _TIME = "time_s"
-_WIDEST = 64  # Largest number of signals in a matrix or an array of structs; wider matrices are images and maps
 _UNREAD = frozenset(
     {"MATLAB_empty", "MATLAB_object_decode"}
 )  # Marks of empty arrays, and of objects such as timetables
@@ -91,8 +95,9 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
     arrays = {short[name]: value for name, value in found.items() if isinstance(value, np.ndarray)}
     columns = {name: value.ravel() for name, value in arrays.items() if value.size > 1 and value.size in value.shape}
     lengths = {values.size for values in columns.values()}
-    for name, value in arrays.items():
-        columns |= _of_matrix(name, value, lengths)
+    matrices = {name: of_matrix(name, value, lengths) for name, value in arrays.items()}
+    for signals in matrices.values():
+        columns |= signals
     texts = {short[name]: value for name, value in found.items() if isinstance(value, str)}
     described = texts.pop(KEY, None)
     if described is not None:
@@ -106,12 +111,19 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
                 "other objects of MATLAB cannot be read; writetable and writetimetable write them as CSV)"
             )
         named = {name: match for name in found if (match := _NAMES_UNIT.fullmatch(name))}
-        units = {match[1] or match[2]: found[name] for name, match in named.items() if isinstance(found[name], str)}
+        units: dict[str, str] = {
+            place: found[name]
+            for name, match in named.items()
+            if isinstance(found[name], str)
+            for place in _with_unit(match[1] or match[2], found)
+        }
         beside = _beside(found, "units?")
         for name, unit in beside.items():
             fields = {key.rpartition(".")[2]: value for key, value in found.items() if _struct(key) == _struct(name)}
             require_no_scale({**fields, "units": unit}, name, path)
         units = {short.get(name, name): text for name, text in (beside | units).items()}
+        for name, signals in matrices.items():
+            units |= dict(zip(signals, _units_of_columns(units.get(name, ""), len(signals)), strict=True))
         notes = {name: text for name, text in texts.items() if name not in units and text}
         table = array_table(
             path,
@@ -153,13 +165,17 @@ def _struct(name: str) -> str:
     return name.rpartition(".")[0]
 
 
-def _of_matrix(name: str, value: np.ndarray, lengths: set[int]) -> dict[str, np.ndarray]:
-    """Return the signals of a matrix, which run along its longer side; none if other vectors have other lengths."""
-    if value.ndim != 2 or not 1 < min(value.shape) <= _WIDEST or (lengths and max(value.shape) not in lengths):
-        return {}
-    if value.shape[0] >= value.shape[1]:
-        return {f"{name}(:,{k})": column for k, column in enumerate(value.T, start=1)}
-    return {f"{name}({k},:)": row for k, row in enumerate(value, start=1)}
+def _with_unit(name: str, found: Mapping[str, Any]) -> list[str]:
+    """Return the names of the signals whose unit a text names."""
+    struct, _, field = name.rpartition(".")
+    fields = [f"{struct}.{other}".lstrip(".") for other in _OF_UNIT.get(field, ())]
+    return [name] if name in found else [other for other in fields if other in found] or [name]
+
+
+def _units_of_columns(said: str, count: int) -> list[str]:
+    """Return the units of the signals of a matrix: its one unit, or those of its lines."""
+    lines = said.split("\n")
+    return lines if len(lines) == count else [" ".join(lines)] * count
 
 
 def _timing(arrays: Mapping[str, np.ndarray], units: Mapping[str, str], path: str) -> Timing | None:
@@ -192,7 +208,7 @@ def of_level_5(content: bytes, path: str) -> dict[str, Any]:
     require_sound_level_5(content, path)
     listed = whosmat(io.BytesIO(content))
     # Unused variables such as cells are not loaded, so that no memory is allocated for what they declare.
-    left = {n for n, shape, kind in listed if kind in _UNUSED or (kind == "struct" and math.prod(shape) > _WIDEST)}
+    left = {n for n, shape, kind in listed if kind in _UNUSED or (kind == "struct" and math.prod(shape) > WIDEST)}
     used = [name for name, _, _ in listed if name not in left]
     held = loadmat(io.BytesIO(content), variable_names=used)
     return dict(pair for name, value in held.items() if not name.startswith("__") for pair in _values(name, value))
@@ -203,7 +219,7 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     if not isinstance(value, np.ndarray):
         return
     if value.dtype.names:
-        for k, struct in enumerate(value.ravel(order="F") if value.size <= _WIDEST else (), start=1):
+        for k, struct in enumerate(value.ravel(order="F") if value.size <= WIDEST else (), start=1):
             place = f"{name}({k})" if value.size > 1 else name
             for field in value.dtype.names:
                 yield from _values(f"{place}.{field}", struct[field])
@@ -211,6 +227,8 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield name, "\n".join(value.ravel().tolist())
     elif value.dtype.kind in "fiubc":
         yield name, value
+    elif value.size == 1 and isinstance(text := value.item(), np.ndarray) and text.dtype.kind == "U":
+        yield from _values(name, text)  # a cell with one text
 
 
 def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
@@ -235,8 +253,8 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
                 values[place] = unscaled(
                     np.asarray(node[()]), node.attrs, place, path
                 ).T  # MATLAB stores arrays by columns
-                if unit := " ".join(units_of(node.attrs)):
-                    values[f"units.{place}"] = unit
+                if said := units_of(node.attrs):  # those of several signals each on a line
+                    values[f"units.{place}"] = ("\n" if min(node.shape, default=0) > 1 else " ").join(said)
     return values
 
 
@@ -254,7 +272,7 @@ def _structs(name: str, node: Any, file: Any) -> Iterator[tuple[str, Any]]:
     """Yield a node of a file of version 7.3; for a field of an array of structs, which refers to them, its nodes."""
     h5py = require("h5py", name)
     referring = isinstance(node, h5py.Dataset) and node.dtype == h5py.ref_dtype and "MATLAB_class" not in node.attrs
-    if not referring or node.size > _WIDEST:
+    if not referring or node.size > WIDEST:
         yield name, node
         return
     struct, _, field = name.rpartition("/")

@@ -1,6 +1,6 @@
 """NetCDF files, by xarray: version 4 through h5netcdf, version 3 through SciPy.
 
-The variables along one dimension, of all groups, are the columns; an attribute such as ``units`` names the unit. The clock starts at
+The variables along one dimension, of all groups, are the columns, as are the rows of one with a few trials, ``u(1,:)``; an attribute such as ``units`` names the unit. The clock starts at
 the date of a coordinate that counts ``seconds since`` it (https://cfconventions.org, section 4.4).
 """
 
@@ -15,7 +15,15 @@ import numpy as np
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes
 from deatwin.plant.files.formats.apart import unpacked
-from deatwin.plant.files.formats.arrays import ArrayTable, array_table, short_names, units_of, unscaled
+from deatwin.plant.files.formats.arrays import (
+    WIDEST,
+    ArrayTable,
+    array_table,
+    of_matrix,
+    short_names,
+    units_of,
+    unscaled,
+)
 from deatwin.plant.files.formats.description import KEY, read_description
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared
@@ -60,13 +68,19 @@ def variables_of(content: bytes, path: str) -> tuple[dict[str, tuple[np.ndarray,
     for group in groups:
         with xarray.open_dataset(Metered(content, path), group=group or None, **options) as dataset:
             for key, variable in dataset.variables.items():
-                if variable.ndim and sum(size > 1 for size in variable.shape) <= 1:
+                wide = variable.ndim == 2 and 1 < min(variable.shape) <= WIDEST
+                if wide or (variable.ndim and sum(size > 1 for size in variable.shape) <= 1):
                     name = ".".join([*group.split("/"), str(key)]).lstrip(".")
                     values = unscaled(np.array(variable.values), variable.attrs, name, path)
-                    found[name] = values.ravel(), " ".join(units_of(variable.attrs))
+                    found[name] = values if wide else values.ravel(), " ".join(units_of(variable.attrs))
             attributes |= {str(key): value for key, value in dataset.attrs.items() if isinstance(value, str)}
     short = short_names(found) if len(groups) > 1 else {name: name for name in found}
-    return {short[name]: value for name, value in found.items()}, attributes
+    lengths = {values.size for values, _ in found.values() if values.ndim == 1}
+    columns: dict[str, tuple[np.ndarray, str]] = {}
+    for name, (values, unit) in found.items():
+        signals = {short[name]: values} if values.ndim == 1 else of_matrix(short[name], values, lengths)
+        columns |= {header: (signal, unit) for header, signal in signals.items()}
+    return columns, attributes
 
 
 def write_netcdf(path: str | Path, recording: Recording) -> None:
