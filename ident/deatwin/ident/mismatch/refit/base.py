@@ -205,12 +205,13 @@ def _ranked(variants: Iterable[Candidate]) -> tuple[Candidate, ...]:
 
 def _fitted_well(problem: DiagnosisProblem, variant: Plant) -> Candidate | None:
     """Fit a variant completely, from the best of several starts."""
-    openings = run_jobs(approach, [(start, problem.fitted) for start in _starts(variant)], workers=problem.jobs)
-    usable = [fit for fit in openings if fit.status.ok]
+    near = run_jobs(approach, [(start, problem.fitted) for start in _starts(variant)], workers=problem.jobs)
+    usable = [fit for fit in near if fit.status.ok]
     if not usable:
         return None
     best = min(usable, key=lambda fit: fit.rms)
-    rough = at_its_time(roughly(where_it_acts(best, problem.fitted, best.names), problem.fitted), problem.fitted)
+    openings = [opening(part, OPENING_SAMPLES) for part in problem.fitted]
+    rough = at_its_time(roughly(where_it_acts(best, openings, best.names), problem.fitted), problem.fitted)
     return _judged(problem, finish(rough, problem.fitted)) if rough.status.ok else None
 
 

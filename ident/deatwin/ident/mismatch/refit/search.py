@@ -96,19 +96,19 @@ def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
 
 
 def where_it_acts(near: Calibration, parts: Sequence[Part], names: Collection[str]) -> Plant:
-    """Move each of some parameters that the readings hardly determine, at the end of a fit, to the best half decade."""
+    """Move each of some parameters that a fit hardly determines to the half decade that suits the `parts` best."""
     # A descent finds no slope there, as for a damping that is far too small to matter, so the parameter stays or drifts
     # to a bound. The readings of an underdamped plant are sampled at random phases of its ringing, so they may change
     # for the worse before they change for the better; half decades find the valley beyond.
     errors = dict(zip(near.names, np.sqrt(np.diag(near.covariance)), strict=True))
     known = (near.plant.parameters[name] for name in near.names if name in names)
-    found, openings = near.plant, [opening(part, OPENING_SAMPLES) for part in parts]
+    found = near.plant
     for parameter in (p for p in known if p.scale is Scale.LOGARITHMIC and not errors[p.name] < np.log(DECADE)):
         down, up = (np.log10(end / parameter.value) for end in (parameter.lower, parameter.upper))
         powers = np.arange(np.ceil(2.0 * down), np.floor(2.0 * up) + 1.0) / 2.0
         tried = [found.with_values({parameter.name: parameter.value * DECADE**k}) for k in powers if k]
-        least = (1.0 - ROUGH) * _squares(found, openings)
-        losses = [_squares(plant, openings) for plant in tried]
+        least = (1.0 - ROUGH) * _squares(found, parts)
+        losses = [_squares(plant, parts) for plant in tried]
         found = tried[int(np.argmin(losses))] if losses and min(losses) < least else found
     return found
 
