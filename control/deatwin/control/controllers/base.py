@@ -156,3 +156,9 @@ def require_factor(factor: float) -> None:
     number(factor, "factor")
     if not isfinite(factor) or factor == 0.0:
         raise ControlError(f"a loop gain cannot be multiplied by {factor:g}: the factor must be finite and not 0")
+
+
+def require_clock(controller: Controller, other: str, sample_time: float) -> None:
+    """Raise ControlError unless a controller runs at the `sample_time` (s) of what it controls."""
+    if abs(controller.sample_time / sample_time - 1.0) > 1e-6:
+        raise ControlError(f"the controller runs every {controller.sample_time:g} s, {other} every {sample_time:g} s")
