@@ -117,10 +117,16 @@ class LinearFamily:
         Raises
         ------
         ModelError
-            If there are no models, or the number of samples differs between operating points.
+            If there are no models, if the number of samples differs between operating points, or if the models differ in
+            their signals or sampling time.
         """
         if not models or not models[0] or any(len(row) != len(models[0]) for row in models):
             raise ModelError("give at least one linear model for each operating point, and as many at each")
+        signals = _signals(models[0][0])
+        for other in (_signals(m) for row in models for m in row):
+            if differing := [name for name, value in signals.items() if other[name] != value]:
+                pair = ", ".join(f"{name} {signals[name]!r} and {other[name]!r}" for name in differing)
+                raise ModelError(f"the models of a family must have the same signals and sample time; they have {pair}")
         n_b, n_a = (max(getattr(m, k).size for row in models for m in row) for k in ("numerator", "denominator"))
         outputs = [[np.nan if m.operating_output is None else m.operating_output for m in row] for row in models]
         statuses = np.array([[m.status for m in row] for row in models], dtype=object)
@@ -135,7 +141,7 @@ class LinearFamily:
             exists=exists,
             stable=exists & (statuses != LinearStatus.UNSTABLE),
             has_gain=exists & (statuses != LinearStatus.NO_GAIN) & (statuses != LinearStatus.INACCURATE),
-            **_signals(models[0][0]),
+            **signals,
             realisations=_realisations(models),
         )
 
