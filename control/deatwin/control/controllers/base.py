@@ -15,13 +15,14 @@ from deatwin.control.arguments import finite, number, positive, require_fields
 from deatwin.control.controllers.law import Law
 from deatwin.control.errors import ControlError
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Rebuilt
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Controller(ABC):
+class Controller(Rebuilt, ABC):
     """Base class of sampled controllers with a limited command.
 
     Parameters

@@ -13,6 +13,7 @@ from deatwin.control.arguments import number, numbers, require_fields, taking
 from deatwin.control.errors import ControlError
 from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Rebuilt
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -24,7 +25,7 @@ REFERENCE, READING = 0, 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Law:
+class Law(Rebuilt):
     """Linear control law ``x(k+1) = A x(k) + B w(k)``, ``u(k) = C x(k) + D w(k)`` with w = (reference, reading).
 
     x is the state of the controller and u its command.

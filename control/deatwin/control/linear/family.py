@@ -21,6 +21,7 @@ from deatwin.ident.frequency.linear import levels, motion, operating_input_of
 from deatwin.ident.frequency.many import follow_equilibrium, stable_polynomials
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.arrays import Array, Booleans
+from deatwin.plant.copies import Rebuilt
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 
@@ -29,7 +30,7 @@ _LOST = "this sample has no equilibrium at this input on the branch of the model
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearFamily:
+class LinearFamily(Rebuilt):
     """Linear models, one for each operating point and each sample of the uncertain parameters.
 
     The transfer functions are ``G(z) = (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...)``, as in `LinearModel`.
