@@ -163,14 +163,9 @@ class Recording(Rebuilt):
         """
         rows_in, rows_out = rows_of_signals(inputs, "inputs"), rows_of_signals(outputs, "outputs")
         _require_one_index(inputs, outputs)
-        for name in extra_units or ():
-            if name not in (extras or ()):
-                raise DataError(
-                    f'extra_units has a unit for "{name}", which is not among the extras{nearest(name, extras or ())}'
-                )
         names_in, units_in = _labels("input", len(rows_in), input_names, input_units, UNSTATED["input"])
         names_out, units_out = _labels("output", len(rows_out), output_names, output_units, UNSTATED["output"])
-        return cls(
+        made = cls(
             inputs=rows_in,
             outputs=rows_out,
             sample_time=sample_time,
@@ -183,6 +178,12 @@ class Recording(Rebuilt):
             extra_units={} if extra_units is None else extra_units,
             provenance={} if provenance is None else provenance,
         )
+        for name in extra_units or ():
+            if name not in made.extras:
+                raise DataError(
+                    f'extra_units has a unit for "{name}", which is not among the extras{nearest(name, made.extras)}'
+                )
+        return made
 
     @property
     def n_samples(self) -> int:
