@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.arguments import number, numbers, require_fields, taking
+from deatwin.control.arguments import number, numbers, positive, require_fields, taking
 from deatwin.control.errors import ControlError
 from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.arrays import Array
@@ -104,6 +104,7 @@ class Law(Rebuilt):
         """Transfer function from minus the reading to the command: numerator and denominator in powers of z^-1."""
         return self._transfer(-self.b[:, READING], -self.d[READING])
 
+    @taking(omega=numbers, sample_time=positive)
     def feedback_response(self, omega: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
         """Return the frequency response (n,) of `feedback` at `omega` (n,), rad/s; `sample_time` in s."""
         numerator, denominator = self.feedback
@@ -111,6 +112,7 @@ class Law(Rebuilt):
         values = np.polyval(numerator[::-1], shift) / np.polyval(denominator[::-1], shift)
         return np.asarray(values, dtype=np.complex128)
 
+    @taking(sample_time=positive)
     def lost_digits(self, sample_time: float) -> float:
         """Return the largest relative rounding error of `feedback`, compared with the state equations.
 
@@ -144,6 +146,7 @@ class Law(Rebuilt):
         """Eigenvalues of A, in the z plane."""
         return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
 
+    @taking(sample_time=positive)
     def to_control(self, sample_time: float) -> StateSpace:
         """Return the law as a system of python-control, from reference and reading to command; `sample_time` in s."""
         import control
