@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from inspect import signature
 from os import PathLike
@@ -59,22 +59,25 @@ _PACKAGES = frozenset({"deatwin", "numpy"})
 def _annotated(annotation: str, sources: Mapping[str, str]) -> Check | None:
     """Return the check of a class or of an iterable of its objects; None if nothing is known of the annotation."""
     kind = re.findall(r"\w+", annotation)[-1]  # by its name, because a module may import a class for type checkers only
-    if re.fullmatch(r"Sequence\[.+\]", annotation):
-
-        def check_many(value: Any, name: str) -> None:
-            if isinstance(value, str) or not isinstance(value, Iterable):
-                raise ModelError(f"{name} must be a list of {kind} objects; got {kind_of(value)}: {sources[kind]}")
-
-        return check_many if kind in sources else None
-    if not re.fullmatch(r"[\w.]+", annotation):
-        return None
 
     def check(value: Any, name: str) -> None:
         known = (one for one in value.__class__.__mro__ if one.__module__.partition(".")[0] in _PACKAGES)
         if kind not in (one.__name__ for one in known):
             raise ModelError(f"{name} must be {_with_article(kind)}; got {kind_of(value)}: {sources[kind]}")
 
-    return check if kind in sources else None
+    def check_many(value: Any, name: str) -> None:
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise ModelError(f"{name} must be a list of {kind} objects; got {kind_of(value)}: {sources[kind]}")
+        # An iterator can be read only once, and members of members are not looked at.
+        for place, member in enumerate(value if isinstance(value, Sequence) and flat else ()):
+            check(member, f"{name}[{place}]")
+
+    if kind not in sources:
+        return None
+    flat = annotation.count("[") == 1
+    if re.fullmatch(r"Sequence\[.+\]", annotation):
+        return check_many
+    return check if re.fullmatch(r"[\w.]+", annotation) else None
 
 
 def require_fields(owner: object, **checks: Check) -> None:

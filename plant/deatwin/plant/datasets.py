@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.plant.copies import Rebuilt
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.recording import Experiment, Recording, as_experiment
@@ -102,7 +103,7 @@ _BRIEF = _Brief()
 _BRIEF.maxother = _BRIEF.maxstring = 80
 
 
-class Brief:
+class Brief(Rebuilt):
     """Base of results that show long arrays by their shapes."""
 
     def __init_subclass__(cls, **options: Any) -> None:

@@ -7,13 +7,11 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import fields
-from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, ClassVar, Self, TypeVar
 
 from deatwin.plant.arguments import instance
+from deatwin.plant.copies import Rebuilt
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.files import write_text_atomic
 from deatwin.plant.safe_read import DOCUMENT_BYTES, DOCUMENT_VALUES, clipped, read_regular
@@ -64,7 +62,7 @@ def _in_words(schema: str) -> str:
     return "" if shipped is None else f" ({shipped['title'][0].lower()}{shipped['title'][1:]})"
 
 
-class Saved:
+class Saved(Rebuilt):
     """Base of results with a file; the class names its `schema` and the conversions to and from plain data."""
 
     _file: ClassVar[tuple[str, Callable[[Any], Mapping[str, Any]], Callable[[Any], Mapping[str, Any]]]]
@@ -81,12 +79,6 @@ class Saved:
         super().__init_subclass__(**more)
         if schema:
             cls._file = (schema, document, fields)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # For copies and worker processes: mapping proxies cannot be pickled, and cached values need not be.
-        state = {item.name: getattr(self, item.name) for item in fields(self) if item.init}  # type: ignore[arg-type]
-        plain = {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in state.items()}
-        return partial(type(self), **plain), ()
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a JSON file at `path`, first under a temporary name."""

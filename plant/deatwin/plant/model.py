@@ -82,7 +82,22 @@ class Plant:
                 raise RigError(f"the plant has the effect {one.name} twice; an effect can be in a plant only once")
         instance(Mapping, hint=" from names to numbers", error=RigError)(self.values, "values")
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
+        for effect in self.effects:
+            self._require_in_range(effect)
         self.parameters  # noqa: B018  (checks names and ranges)
+
+    def _require_in_range(self, effect: Effect) -> None:
+        """Raise RigError if an effect is out of range; say if the range is that of another rig."""
+        try:
+            effect.describe()
+        except RigError as error:
+            usual = {one.name: type(one) for one in self.rig.effects()}
+            if usual.get(effect.name, type(effect)) is type(effect):
+                raise
+            raise RigError(
+                f"{effect.name}: {error}, as on a diaphragm; take rig.scaled({type(effect).__name__}()), which has the "
+                "units and ranges of this rig, and set its values with dataclasses.replace"
+            ) from None
 
     def __getstate__(self) -> dict[str, Any]:
         return {"rig": self.rig, "effects": self.effects, "values": dict(self.values), "stages": self.stages}

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.arrays import read_only, real_numbers, rows_of_signals, seconds, texts
-from deatwin.plant.errors import DataError
+from deatwin.plant.copies import Rebuilt
+from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.files.usual import usual_unit
 from deatwin.plant.words import spaced
@@ -21,7 +22,7 @@ _CLOCK_TOLERANCE = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Recording:
+class Recording(Rebuilt):
     """Evenly sampled inputs and outputs of a system, in SI units.
 
     Parameters
@@ -152,7 +153,8 @@ class Recording:
         ------
         DataError
             Same as for the class; if there are more rows than samples, which means that rows and columns are
-            interchanged; or if `inputs` and `outputs` are columns of data frames with different indexes.
+            interchanged; if `inputs` and `outputs` are columns of data frames with different indexes; or if
+            `extra_units` names a channel that is not in `extras`.
 
         Examples
         --------
@@ -163,7 +165,7 @@ class Recording:
         _require_one_index(inputs, outputs)
         names_in, units_in = _labels("input", len(rows_in), input_names, input_units, UNSTATED["input"])
         names_out, units_out = _labels("output", len(rows_out), output_names, output_units, UNSTATED["output"])
-        return cls(
+        made = cls(
             inputs=rows_in,
             outputs=rows_out,
             sample_time=sample_time,
@@ -176,6 +178,12 @@ class Recording:
             extra_units={} if extra_units is None else extra_units,
             provenance={} if provenance is None else provenance,
         )
+        for name in extra_units or ():
+            if name not in made.extras:
+                raise DataError(
+                    f'extra_units has a unit for "{name}", which is not among the extras{nearest(name, made.extras)}'
+                )
+        return made
 
     @property
     def n_samples(self) -> int:
@@ -292,7 +300,8 @@ class Experiment:
     ------
     DataError
         If there is no recording; if an entry is not a recording; if two recordings overlap in time; or if recordings
-        differ in their sample times or in the names or units of their signals.
+        differ in their sample times, in the names or units of their inputs or outputs, or in the unit of a further
+        channel.
     """
 
     recordings: tuple[Recording, ...]
@@ -363,6 +372,10 @@ def _require_one_clock(before: Recording, after: Recording) -> None:
                 f"{pair}: {spaced(kind)} differ: "
                 f"{', '.join(getattr(before, kind))} and {', '.join(getattr(after, kind))}"
             )
+    for name, unit in before.extra_units.items():
+        other = after.extra_units.get(name, unit)
+        if unit and other and unit != other:
+            raise DataError(f'{pair}: units of "{name}" differ: {unit} and {other}')
 
 
 def _labels(

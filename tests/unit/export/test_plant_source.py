@@ -15,6 +15,7 @@ from deatwin.plant import (
     PeriodicDisturbance,
     Plant,
     Reading,
+    ReadingTime,
     Recording,
     StartProcedure,
 )
@@ -92,6 +93,29 @@ def test_the_start_procedure_played_on_its_clock_gives_what_simulate_does(run_c:
     given = before.commands[:, None]
     found, _ = run_c(plant_source(plant, name="film"), given, *LOOSE, start=before.start)
     assert found[-held.size :, 0] == pytest.approx(expected, abs=1e-9 * np.ptp(expected))
+
+
+def test_an_unknown_start_is_exported_with_the_distance_from_rest_that_was_fitted(run_c: Any) -> None:
+    """The first command is held for a second before the first sample; the film is then still not at rest."""
+    rest = Plant(rig=Diaphragm(start_is_known=False)).with_effects(Creep())
+    plant = rest.with_values({"branch_at_start": 0.1, "creep.at_start": -0.05})
+    held = commands(plant, 1.0, 3.0)
+    expected = plant.simulate(Recording.from_arrays(held, np.zeros(held.size), 0.02)).require().outputs[0][0]
+    source = plant_source(plant, name="film")
+    found, _ = run_c(source, np.r_[np.full(50, held[0]), held][:, None], *LOOSE, start=-1.0)
+    assert found[-held.size :, 0] == pytest.approx(expected, abs=1e-9 * np.ptp(expected))
+    assert "/* The plant starts at rest under a command of 0.0, apart from branch_at_start and creep.at_start. */" in (
+        source.text
+    )
+    assert "/* The plant starts at rest under a command of 0.0. */" in plant_source(rest).text
+
+
+def test_readings_at_the_start_of_the_hold_are_those_of_the_row_before(run_c: Any) -> None:
+    plant = Plant(rig=Planar(sample_time=0.02, reading=ReadingTime.START_OF_HOLD, start_ramp=0.0, start_hold=0.0))
+    held = np.r_[0.0, commands(plant, 0.0, 2.0)]
+    expected = plant.simulate(Recording.from_arrays(held, np.zeros(held.size), 0.02)).require().outputs[0][0]
+    found, _ = run_c(plant_source(plant, name="film"), held[:, None], *LOOSE)
+    assert found[:-1, 0] == pytest.approx(expected[1:], abs=1e-9 * np.ptp(expected))
 
 
 def test_a_measured_channel_is_an_input_and_a_sample_that_cannot_be_solved_leaves_the_state(run_c: Any) -> None:

@@ -4,15 +4,16 @@ import copy
 import importlib
 import inspect
 import pickle
-from dataclasses import fields
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
 
 import numpy as np
 import pytest
 from public import PUBLIC
 
+from deatwin.ident.frequency import gfrf
 from deatwin.ident.look import best_linear_approximation, look_at
-from deatwin.ident.narx import Fixed, ThetaPosterior, free_run_band, validate
+from deatwin.ident.narx import Fixed, ThetaPosterior, excitation, free_run_band, validate
 from deatwin.ident.narx.preprocess import choose_sampling, estimate_dead_time
 from deatwin.plant import Recording
 
@@ -74,7 +75,24 @@ def results():
         "trajectory": fitted("ThetaSmoother").trajectory_,
         "dead time": estimate_dead_time([record])[0],
         "sampling": choose_sampling([record]),
+        "recording": replace(record, extras={"temperature": record.outputs[0]}),
+        "simulation": model.simulate(record),
+        "response": gfrf(model, 1, [1.0, 2.0]),
+        "excitation": excitation(record),
     }
+
+
+def read_only(one, at: str = "") -> dict[str, bool]:
+    """Tell of every array in an object, at any depth, whether it is read-only."""
+    if isinstance(one, np.ndarray):
+        return {at: not one.flags.writeable}
+    if is_dataclass(one):
+        parts = {field.name: getattr(one, field.name) for field in fields(one)}
+    elif isinstance(one, dict | tuple | list):
+        parts = one if isinstance(one, dict) else dict(enumerate(one))
+    else:
+        return {}
+    return {place: found for key, part in parts.items() for place, found in read_only(part, f"{at}.{key}").items()}
 
 
 @pytest.mark.parametrize("again", AGAIN.values(), ids=AGAIN)
@@ -83,3 +101,4 @@ def test_results_can_be_copied(again):
         other = again(result)
         assert type(other) is type(result) and vars(other).keys() >= {field.name for field in fields(result)}, name
         assert "__str__" not in vars(type(result)) or str(other) == str(result), name
+        assert read_only(other) == read_only(result), name

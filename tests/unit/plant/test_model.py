@@ -9,6 +9,7 @@ import pytest
 from rig_files import SOUND
 
 from deatwin.plant import (
+    BlockedPlanar,
     Coupon,
     Creep,
     Diaphragm,
@@ -19,6 +20,7 @@ from deatwin.plant import (
     Recording,
     RigError,
     Roll,
+    SensorDrift,
     SimulationError,
     thesis_plant,
 )
@@ -160,3 +162,12 @@ def test_the_film_remembers_through_a_gap_between_records(base):
     apart = plant.simulate(parts).outputs
     np.testing.assert_allclose(apart[0][0], together[:200], atol=1e-12)
     np.testing.assert_allclose(apart[1][0], together[300:], atol=1e-12)
+
+
+def test_a_range_of_the_diaphragm_is_told_to_whoever_has_another_rig():
+    with pytest.raises(RigError, match=r"sensor_drift: .* m, as on a diaphragm; take rig\.scaled\(SensorDrift\(\)\)"):
+        Plant(rig=BlockedPlanar(), effects=(SensorDrift(change=0.1),))
+    scaled = replace(BlockedPlanar().scaled(SensorDrift()), change=0.1)
+    assert Plant(rig=BlockedPlanar(), effects=(scaled,)).parameters["sensor_drift.change"].unit == "N"
+    with pytest.raises(RigError, match=r"^parameter change = 0\.1 m is out of range: allowed is -0\.002 to 0\.002 m$"):
+        Plant(rig=Diaphragm(), effects=(SensorDrift(change=0.1),))

@@ -84,6 +84,15 @@ class TestRecording:
     def test_survives_the_way_to_another_process(self) -> None:
         copy = pickle.loads(pickle.dumps(ramp()))
         np.testing.assert_array_equal(copy.outputs, ramp().outputs)
+        with pytest.raises(ValueError, match="read-only"):
+            copy.outputs[0, 0] = 3.0
+
+    def test_a_unit_of_an_extra_that_is_not_there_is_refused(self) -> None:
+        values = np.ones(4)
+        with pytest.raises(
+            DataError, match='a unit for "curent", which is not among the extras; did you mean "current"'
+        ):
+            Recording.from_arrays(values, values, 1.0, extras={"current": values}, extra_units={"curent": "mA"})
 
 
 class TestExperiment:
@@ -96,6 +105,20 @@ class TestExperiment:
     def test_a_recording_alone_is_an_experiment(self) -> None:
         alone = ramp()
         assert Experiment(recordings=alone).recordings == (alone,)
+
+    def test_a_further_channel_has_one_unit_in_all_recordings(self) -> None:
+        values = np.ones(4)
+        first, second, without = (
+            Recording.from_arrays(values, values, 1.0, start=start, extras=extras, extra_units=units)
+            for start, extras, units in (
+                (0.0, {"probe": values}, {"probe": "A"}),
+                (10.0, {"probe": values}, {"probe": "mA"}),
+                (20.0, {}, {}),
+            )
+        )
+        assert Experiment(recordings=(first, without)).n_samples == 8  # the second one did not measure it
+        with pytest.raises(DataError, match='units of "probe" differ: A and mA'):
+            Experiment(recordings=(first, second))
 
 
 class TestChecks:

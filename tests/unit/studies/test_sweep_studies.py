@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deatwin.plant.errors import DataError
+from deatwin.plant.errors import DataError, ModelError
 from deatwin.studies.sweep import Study, grid, open_study, run_study
 
 ROOT = Path(__file__).parents[3]
@@ -132,6 +132,22 @@ def test_work_that_could_hold_unseen_values_is_refused(tmp_path, unfit):
 def test_cases_that_cannot_be_told_apart_or_written_are_refused(tmp_path, cases, words):
     with pytest.raises(DataError, match=words):
         run_study(cases, square, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: open_study(5), "folder must be a str or a PathLike; got an int"),
+        (lambda: run_study(grid(value=[1]), square, None), "folder must be a str or a PathLike; got None"),
+        (lambda: run_study(grid(value=[1]), square, "there", seed=1.5), "seed = 1.5; it must be an integer"),
+        (lambda: run_study(grid(value=[1]), square, "there", settings=5), "settings must be a Mapping; got an int"),
+        (lambda: grid(value=5), r"value = 5; give a list of values, as value=\[...\]"),
+        (lambda: grid(method="svb"), r"method = 'svb'; give a list of values, as method=\[...\]"),
+    ],
+)
+def test_arguments_of_another_kind_are_refused(call, words):
+    with pytest.raises((DataError, ModelError), match=words):
+        call()
 
 
 def uneven(case: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:

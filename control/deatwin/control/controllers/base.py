@@ -15,13 +15,14 @@ from deatwin.control.arguments import finite, number, positive, require_fields
 from deatwin.control.controllers.law import Law
 from deatwin.control.errors import ControlError
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Rebuilt
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Controller(ABC):
+class Controller(Rebuilt, ABC):
     """Base class of sampled controllers with a limited command.
 
     Parameters
@@ -156,3 +157,9 @@ def require_factor(factor: float) -> None:
     number(factor, "factor")
     if not isfinite(factor) or factor == 0.0:
         raise ControlError(f"a loop gain cannot be multiplied by {factor:g}: the factor must be finite and not 0")
+
+
+def require_clock(controller: Controller, other: str, sample_time: float) -> None:
+    """Raise ControlError unless a controller runs at the `sample_time` (s) of what it controls."""
+    if abs(controller.sample_time / sample_time - 1.0) > 1e-6:
+        raise ControlError(f"the controller runs every {controller.sample_time:g} s, {other} every {sample_time:g} s")

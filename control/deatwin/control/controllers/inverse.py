@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import instance, numbers, require_fields, taking
-from deatwin.control.controllers.base import Controller, require_factor
+from deatwin.control.controllers.base import Controller, require_clock, require_factor
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
@@ -169,6 +169,11 @@ class InverseController(Controller):
         either unfiltered (`Law.feedforward` with a gain of one) or filtered (`with_dynamics`).
     curve : StaticCurve
         Static curve of the actuator, from constant input to output at rest.
+
+    Raises
+    ------
+    ControlError
+        As in `Controller`, or if the feedback has another sampling time.
     """
 
     feedback: LinearController
@@ -179,6 +184,7 @@ class InverseController(Controller):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_fields(self, feedback=instance(LinearController), curve=instance(StaticCurve))
+        require_clock(self.feedback, "the inverse controller around it", self.sample_time)
 
     @property
     def states(self) -> int:

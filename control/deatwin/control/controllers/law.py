@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.arguments import number, numbers, require_fields, taking
+from deatwin.control.arguments import number, numbers, positive, require_fields, taking
 from deatwin.control.errors import ControlError
 from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Rebuilt
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -24,7 +25,7 @@ REFERENCE, READING = 0, 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Law:
+class Law(Rebuilt):
     """Linear control law ``x(k+1) = A x(k) + B w(k)``, ``u(k) = C x(k) + D w(k)`` with w = (reference, reading).
 
     x is the state of the controller and u its command.
@@ -103,6 +104,7 @@ class Law:
         """Transfer function from minus the reading to the command: numerator and denominator in powers of z^-1."""
         return self._transfer(-self.b[:, READING], -self.d[READING])
 
+    @taking(omega=numbers, sample_time=positive)
     def feedback_response(self, omega: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
         """Return the frequency response (n,) of `feedback` at `omega` (n,), rad/s; `sample_time` in s."""
         numerator, denominator = self.feedback
@@ -110,6 +112,7 @@ class Law:
         values = np.polyval(numerator[::-1], shift) / np.polyval(denominator[::-1], shift)
         return np.asarray(values, dtype=np.complex128)
 
+    @taking(sample_time=positive)
     def lost_digits(self, sample_time: float) -> float:
         """Return the largest relative rounding error of `feedback`, compared with the state equations.
 
@@ -143,6 +146,7 @@ class Law:
         """Eigenvalues of A, in the z plane."""
         return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
 
+    @taking(sample_time=positive)
     def to_control(self, sample_time: float) -> StateSpace:
         """Return the law as a system of python-control, from reference and reading to command; `sample_time` in s."""
         import control

@@ -21,6 +21,7 @@ from deatwin.ident.frequency.linear import levels, motion, operating_input_of
 from deatwin.ident.frequency.many import follow_equilibrium, stable_polynomials
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.arrays import Array, Booleans
+from deatwin.plant.copies import Rebuilt
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 
@@ -29,7 +30,7 @@ _LOST = "this sample has no equilibrium at this input on the branch of the model
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearFamily:
+class LinearFamily(Rebuilt):
     """Linear models, one for each operating point and each sample of the uncertain parameters.
 
     The transfer functions are ``G(z) = (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...)``, as in `LinearModel`.
@@ -117,10 +118,16 @@ class LinearFamily:
         Raises
         ------
         ModelError
-            If there are no models, or the number of samples differs between operating points.
+            If there are no models, if the number of samples differs between operating points, or if the models differ in
+            their signals or sampling time.
         """
         if not models or not models[0] or any(len(row) != len(models[0]) for row in models):
             raise ModelError("give at least one linear model for each operating point, and as many at each")
+        signals = _signals(models[0][0])
+        for other in (_signals(m) for row in models for m in row):
+            if differing := [name for name, value in signals.items() if other[name] != value]:
+                pair = ", ".join(f"{name} {signals[name]!r} and {other[name]!r}" for name in differing)
+                raise ModelError(f"the models of a family must have the same signals and sample time; they have {pair}")
         n_b, n_a = (max(getattr(m, k).size for row in models for m in row) for k in ("numerator", "denominator"))
         outputs = [[np.nan if m.operating_output is None else m.operating_output for m in row] for row in models]
         statuses = np.array([[m.status for m in row] for row in models], dtype=object)
@@ -135,7 +142,7 @@ class LinearFamily:
             exists=exists,
             stable=exists & (statuses != LinearStatus.UNSTABLE),
             has_gain=exists & (statuses != LinearStatus.NO_GAIN) & (statuses != LinearStatus.INACCURATE),
-            **_signals(models[0][0]),
+            **signals,
             realisations=_realisations(models),
         )
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.arguments import finite, instance, number, numbers, positive, require_fields
+from deatwin.control.arguments import finite, instance, number, numbers, positive, require_fields, taking, whole
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.realisation import Realisation
 from deatwin.ident.arguments import keep_read_only
@@ -251,10 +251,11 @@ class LinearModel(Described):
 
     @property
     def static_gain(self) -> float:
-        """G(1), output unit per input unit."""
+        """G(1), output unit per input unit; infinite if the model integrates."""
         if self.realisation is not None:
             return self.realisation.static_gain
-        return float(self.numerator.sum() / self.denominator.sum())
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return float(self.numerator.sum() / self.denominator.sum())
 
     @property
     def static_gain_deviation(self) -> float:
@@ -265,6 +266,7 @@ class LinearModel(Described):
         slopes /= self.denominator.sum()
         return float(np.sqrt(max(slopes @ self.covariance @ slopes, 0.0)))
 
+    @taking(omega=numbers)
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Return the frequency response at `omega` (n,) in rad/s, output unit per input unit."""
         delay = np.exp(-1j * np.asarray(omega, dtype=np.float64) * self.sample_time)
@@ -273,6 +275,7 @@ class LinearModel(Described):
         values = np.polyval(self.numerator[::-1], delay) / np.polyval(self.denominator[::-1], delay)
         return np.asarray(values, dtype=np.complex128)
 
+    @taking(count=whole(0))
     def step_response(self, count: int) -> Array:
         """Return `count` samples of the response to a unit step at the first sample, output unit per input unit."""
         from scipy.signal import lfilter

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import function, generator, instance, not_negative, row, taking
-from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.base import Controller, require_clock
 from deatwin.control.errors import ControlError
 from deatwin.control.progress import Progress
 from deatwin.ident.arguments import keep_read_only
@@ -246,10 +246,7 @@ def closed_loop(
         one-dimensional array of finite numbers.
     """
     rig, wanted = plant.rig, np.asarray(reference, dtype=np.float64)
-    if abs(controller.sample_time / rig.sample_time - 1.0) > 1e-6:
-        raise ControlError(
-            f"the controller runs every {controller.sample_time:g} s, the rig every {rig.sample_time:g} s"
-        )
+    require_clock(controller, "the rig", rig.sample_time)
     stepper = at_operating_point(plant, controller.operating_input, max(round(settle / rig.sample_time), 1))
     series = np.empty((3, wanted.size))
     memory, count = controller.start(), 0

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import function, generator, instance, not_negative, row, taking, whole
-from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.base import Controller, require_clock
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.progress import Progress
 from deatwin.ident.arguments import keep_read_only
@@ -83,7 +83,9 @@ class PredictedLoop(Described):
 
     @property
     def middle(self) -> Array:
-        """Mean output of the draws, shape (n,), in the output's unit."""
+        """Mean output of the draws, shape (n,), in the output's unit; NaN if all draws diverged."""
+        if not len(self.outputs):
+            return np.full(self.timepts.size, np.nan)
         return np.asarray(self.outputs.mean(axis=0))
 
     @property
@@ -92,9 +94,11 @@ class PredictedLoop(Described):
 
         The half width is the standard deviation over the draws at each sample, times a factor that is the same for all
         samples. The factor is such that 95 % of the draws lie inside the band at all samples, if each draw is compared
-        with the mean and standard deviation of the other draws.
+        with the mean and standard deviation of the other draws. The half width is NaN if all draws diverged.
         """
         count = len(self.outputs)
+        if not count:
+            return np.full(self.timepts.size, np.nan)
         square = (self.outputs - self.middle) ** 2
         variance = square.mean(axis=0)
         farthest = np.divide(square, variance, out=np.zeros_like(square), where=variance > 0.0).max(axis=1)
@@ -116,30 +120,34 @@ class PredictedLoop(Described):
         """
         n = run.output.size
         within = np.abs(run.output - self.middle[:n]) <= self.half_width[:n]
-        first = self.runs[0].levels[0].first if self.runs[0].levels else 0
+        levels = self._run(self.reference, self.reference).levels
+        first = levels[0].first if levels else 0
         return float(within[first:].sum() / (self.timepts.size - first))
 
     @property
     def runs(self) -> tuple[ClosedLoop, ...]:
         """One closed-loop run for each draw that did not diverge, from which measures can be computed."""
-        return tuple(
-            ClosedLoop(
-                status=RunStatus.DONE,
-                timepts=self.timepts,
-                reference=self.reference,
-                output=output,
-                measured=output,
-                command=command,
-                command_limits=self.command_limits,
-                input_unit=self.input_unit,
-                output_unit=self.output_unit,
-            )
-            for output, command in zip(self.outputs, self.commands, strict=True)
+        return tuple(self._run(output, command) for output, command in zip(self.outputs, self.commands, strict=True))
+
+    def _run(self, output: Array, command: Array) -> ClosedLoop:
+        return ClosedLoop(
+            status=RunStatus.DONE,
+            timepts=self.timepts,
+            reference=self.reference,
+            output=output,
+            measured=output,
+            command=command,
+            command_limits=self.command_limits,
+            input_unit=self.input_unit,
+            output_unit=self.output_unit,
         )
 
     def interval(self, measure: Callable[[ClosedLoop], float]) -> tuple[float, float, float]:
-        """Return median and 95 % interval over the draws of a `measure`, such as ``lambda run: run.overshoot``."""
-        values = np.array([measure(run) for run in self.runs])
+        """Return median and 95 % interval over the draws of a `measure`, such as ``lambda run: run.overshoot``.
+
+        All three are NaN if all draws diverged.
+        """
+        values = np.array([measure(run) for run in self.runs] or [np.nan])
         middle, low, high = np.quantile(values, [0.5, 0.025, 0.975])
         return float(middle), float(low), float(high)
 
@@ -211,12 +219,14 @@ def predict_loop(
     Raises
     ------
     ControlError
-        If an argument has the wrong type, or the reference is not a one-dimensional array of finite numbers.
+        If an argument has the wrong type, controller and model have different sampling times, or the reference is not a
+        one-dimensional array of finite numbers.
     ModelError
         If the model has no equilibrium at the controller's operating input. Also if readings are taken at the start of
         the hold although the model's output depends on the command of the same sample.
     """
     wanted = np.asarray(reference, dtype=np.float64)
+    require_clock(controller, "the model", model.sample_time)
     rest = equilibrium(model, controller.operating_input).output
     terms = _Terms(
         model, draw_theta(model, rng, draws), reading, rest, controller.operating_input, _far(model, rest, wanted)

@@ -19,6 +19,7 @@ from deatwin.control.loop.long_run import LongRun
 from deatwin.control.progress import Progress, part
 from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.arrays import Array, Complex
+from deatwin.plant.copies import Rebuilt
 from deatwin.plant.model import Plant
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ _PIECE = 20_000  # Number of samples held in memory at a time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SineResponse:
+class SineResponse(Rebuilt):
     """Response ``G(A, w)`` to a sinusoidal command of the amplitude A and the angular frequency w.
 
     G is the complex amplitude of the reading's fundamental divided by that of the command.

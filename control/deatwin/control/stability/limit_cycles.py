@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import coefficients, function, numbers, positive, taking
 from deatwin.control.errors import ControlError
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.plant.arrays import Array, Complex
+from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 

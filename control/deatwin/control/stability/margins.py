@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import polynomials, positive, taking
 from deatwin.control.stability.circle import Places, search
 from deatwin.control.stability.polynomials import jet, loop_polynomials, stable_loops
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.plant.arrays import Array, Complex
+from deatwin.plant.copies import Frozen
 
 _ROUNDING = 64 * np.finfo(float).eps  # Value of a polynomial, relative to its coefficients, below which it is rounding
 _POLE = 1e3  # Gain above which a loop whose denominator is rounding has a pole

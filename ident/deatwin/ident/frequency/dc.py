@@ -13,13 +13,13 @@ from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.checks import polynomial_model
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.linear import feedback, levels, motion, operating_input_of, poles_of, require_finite
 from deatwin.ident.narx.covariance import transformed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Frozen
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 

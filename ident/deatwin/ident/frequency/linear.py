@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.arguments import real_number, real_numbers
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.variables import Variable, argument_of
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Frozen
 from deatwin.plant.errors import ModelError
 
 _ROUNDING = 4 * np.finfo(float).eps

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency.dc import Equilibrium, expand
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.hierarchy import Jet, solve_parts
 from deatwin.ident.frequency.linear import levels
 from deatwin.ident.frequency.parts import Orders, blocks_of
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.arrays import Array, Complex
+from deatwin.plant.copies import Frozen
 
 _BLOCK = 16384  # values in a block of draws, which fits into the processor's cache
 _MOST = 2048  # frequencies in a block

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.dc import Equilibrium
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.many import Many, then
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.plant.arrays import Array, Complex
+from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 from deatwin.plant.drawing import Axes
 

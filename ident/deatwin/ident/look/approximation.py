@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.arrays import Array, Complex
+from deatwin.plant.copies import Frozen
 from deatwin.plant.drawing import Axes, panels_or_new, written_unit
 from deatwin.plant.prefixes import with_unit
 

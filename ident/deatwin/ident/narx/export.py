@@ -29,7 +29,7 @@ typedef struct {
     int diverged; /* This is 1 from the sample on whose outputs left the plausible range. */
 } ${n}_state;
 
-void ${n}_init(${n}_state *state); /* The model starts at rest. */
+void ${n}_init(${n}_state *state); /* Before the first sample, inputs and outputs are ${n}_rest_u and ${n}_rest_y. */
 int ${n}_step(${n}_state *state, const ${n}_real *u, ${n}_real *y); /* Returns 0 if done, and 1 if the run diverged; y then holds the last outputs. */
 
 $tables

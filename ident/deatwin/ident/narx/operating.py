@@ -8,10 +8,11 @@ import numpy as np
 
 from deatwin.ident.arguments import read_only
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Rebuilt
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OperatingRange:
+class OperatingRange(Rebuilt):
     """Range of the signals in a model's training data.
 
     Parameters

@@ -15,8 +15,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from deatwin.ident.arguments import read_only
 from deatwin.plant.arrays import Array, Integers
+from deatwin.plant.copies import Frozen
 from deatwin.plant.drawing import Axes, axes_or_new
 
 Series = Sequence[Array]  # One stretch of a signal for each recording, shape (n_r,) each
@@ -41,7 +41,7 @@ _QUANTILE = 1.959963984540054  # 97.5 % quantile of the normal law
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CorrelationTest:
+class CorrelationTest(Frozen):
     """Test whether a correlation of the residual differs from zero by more than chance.
 
     Parameters
@@ -75,9 +75,6 @@ class CorrelationTest:
     n_samples: int
     p_value: float
     level: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "values", read_only(self.values))
 
     @property
     def band(self) -> float:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
 
-from deatwin.ident.arguments import keep_read_only, read_only
+from deatwin.ident.arguments import read_only
 from deatwin.ident.narx.drive import Drive
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.recording import Recording
@@ -43,7 +44,7 @@ class ResponseStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NarxResponse(Described):
+class NarxResponse(Described, Frozen):
     """Outputs of a model over a recording, predicted some steps ahead or simulated in free run.
 
     Parameters
@@ -130,14 +131,11 @@ def divergence_limit(operating: OperatingRange | None, measured: Array, origin: 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
+class Fit(Frozen):
     """Agreement of model outputs with measured outputs, over all recordings together."""
 
     mean_square: Array
     nrmse: Array  # shape (n_outputs,): sqrt( sum (y - yhat)^2 / sum (y - mean y)^2 )
-
-    def __post_init__(self) -> None:
-        keep_read_only(self, *(item.name for item in fields(self)))
 
     @classmethod
     def of(cls, responses: Sequence[NarxResponse]) -> Fit:

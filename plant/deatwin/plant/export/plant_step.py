@@ -15,6 +15,7 @@ from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.readings import ROWS
 from deatwin.plant.rest import RestState, rest_state
 from deatwin.plant.sample import SHORTER_STEPS
+from deatwin.plant.words import listed
 
 Signals = tuple[Signal, ...]
 
@@ -35,7 +36,7 @@ typedef struct {
     long count; /* This counts the samples so far. */
 } ${n}_state;
 
-void ${n}_init(${n}_state *state); /* The plant starts at rest under a command of $rest_command. */
+void ${n}_init(${n}_state *state); /* The plant starts at rest under a command of $rest_command$displaced. */
 int ${n}_step(${n}_state *state, const double *u, double *y); /* Returns 0 if done, and 1 if the sample could not be solved; the state is then unchanged. */
 """
 
@@ -225,6 +226,7 @@ def _shim(plant: Plant, rest: RestState, step: ca.Function, name: str, inputs: S
         "y": [signal.start for signal in outputs],
         "stored": _further_at_rest(plant, rest)[1],
     }
+    fitted = [key for key, one in plant.parameters.items() if key.endswith("at_start") and one.value != 0.0]
     fields = {
         "n": name,
         "N": name.upper(),
@@ -239,6 +241,7 @@ def _shim(plant: Plant, rest: RestState, step: ca.Function, name: str, inputs: S
         "n_u": equations.held_inputs(0.0).size,
         "sample_time": float(plant.rig.sample_time),
         "rest_command": float(plant.rig.start.rest_command),
+        "displaced": f", apart from {listed(fitted)}" if fitted else "",
         "settled": SETTLED,
         "states": ", ".join(equations.states) or "none",
         "coordinates": ", ".join(equations.coordinates) or "none",

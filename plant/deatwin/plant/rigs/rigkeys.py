@@ -216,7 +216,9 @@ DRIVE: Keys = {
 AGAINST = "against the motion"
 DIRECTIONS = {"along the motion": 1.0, AGAINST: -1.0}  # Sign of the motion in the reading, by the text in the file
 SENSOR: Keys = {
-    "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings"),
+    "sample_rate_Hz": NumberKey(
+        field="sample_rate", lower=1e-3, upper=1e6, usual=(0.1, 1e5), about="of the recordings"
+    ),
     "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, usual=_RESOLVED, slips=_UM, about="rms"),
     "resolution_um": NumberKey(
         field="resolution",

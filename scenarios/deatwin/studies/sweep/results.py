@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deatwin.plant.arguments import file_name, taking
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.replacing import replacing
 from deatwin.studies.sweep.store import CaseStore, read_seal
@@ -107,6 +108,7 @@ class Study:
             self.to_xarray().to_netcdf(half, engine="h5netcdf")
 
 
+@taking(folder=file_name)
 def open_study(folder: Path | str) -> Study:
     """Open a study on disk, with all finished cases, sorted by name.
 
@@ -118,7 +120,7 @@ def open_study(folder: Path | str) -> Study:
     Raises
     ------
     DataError
-        If the folder does not contain a study.
+        If `folder` is not a path, or the folder does not contain a study.
     """
     store = CaseStore(folder, read_seal(folder))
     return Study(store=store, names=tuple(sorted(store.names())))

@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.plant.arguments import file_name, instance, taking
+from deatwin.plant.arrays import require_seed
 from deatwin.plant.errors import DataError
 from deatwin.plant.interrupts import obeying
 from deatwin.studies.sweep.results import CASE_SCHEMA, Study
@@ -40,14 +42,23 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
     list of dict
         One mapping of names to values for each combination; the last variable varies fastest.
 
+    Raises
+    ------
+    DataError
+        If the values of a variable are a single number or text instead of a list.
+
     Examples
     --------
     >>> grid(mass=[1.0, 2.0], ball=["bonded"])
     [{'mass': 1.0, 'ball': 'bonded'}, {'mass': 2.0, 'ball': 'bonded'}]
     """
+    for name, values in axes.items():
+        if isinstance(values, str) or not np.iterable(values):
+            raise DataError(f"{name} = {values!r}; give a list of values, as {name}=[...]")
     return [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
 
 
+@taking(folder=file_name, seed=lambda seed, _: require_seed(seed), settings=instance(Mapping, error=DataError))
 def run_study(
     cases: Iterable[Case],
     work: Work,
@@ -88,15 +99,17 @@ def run_study(
     Raises
     ------
     DataError
-        If the folder contains a study with another function, seed, settings, version or code; if `work` is not a
+        If `folder` is not a path or `settings` not a mapping; if the folder contains a study with another function, seed, settings, version or code; if `work` is not a
         function as described; or if two cases are equal or a case contains other values than those described.
+    ModelError
+        If `seed` is not an integer of at least 0.
     KeyboardInterrupt
         If the user interrupts the run. Finished cases are kept, and the error message states their number.
     """
     from deatwin.studies.provenance import versions
 
     known = _named(cases)
-    parts = {"seed": seed, "settings": dict(settings or {}), **_function(work)}
+    parts = {"seed": int(seed), "settings": dict(settings or {}), **_function(work)}
     parts |= {"versions": versions(VERSIONS), "deatwin_sources": sources_digest(PACKAGES)}
     seal = SweepSeal(schema=CASE_SCHEMA, parts=parts)
     store = CaseStore(folder, seal, expected=len(known))

@@ -1,6 +1,7 @@
 """What holds for controllers of every kind."""
 
 import json
+import pickle
 
 import control
 import numpy as np
@@ -153,3 +154,12 @@ def test_a_description_without_a_part_of_its_kind_is_refused(made, kind, key):
 def test_a_loop_gain_of_nothing_is_refused(made, kind, factor):
     with pytest.raises(ControlError, match="must be finite and not 0"):
         made[kind].scaled(factor)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_copy_cannot_be_changed_either(made, kind):
+    controller = pickle.loads(pickle.dumps(made[kind]))
+    law = controller.local(controller.operating_input)
+    for one in (controller, law, pickle.loads(pickle.dumps(law))):
+        arrays = [value for value in vars(one).values() if isinstance(value, np.ndarray)]
+        assert not any(array.flags.writeable for array in arrays)

@@ -81,3 +81,8 @@ def test_a_static_curve_keeps_nan_and_refuses_what_is_no_number():
             with pytest.raises(ControlError, match="value must be"):
                 read(wrong)
     np.testing.assert_allclose(curve.input([-1.0, 5.0]), [0.0, 2.0])
+
+
+def test_a_feedback_of_another_sample_time_is_refused(made):
+    with pytest.raises(ControlError, match="the inverse controller around it every"):
+        replace(made.inverse, sample_time=2 * made.inverse.sample_time)

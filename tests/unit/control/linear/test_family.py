@@ -124,6 +124,13 @@ def test_one_input_only_and_rows_of_one_length():
         LinearFamily.of([[one], [one, one]])
 
 
+@pytest.mark.parametrize(("field", "value"), [("sample_time", 0.5), ("input_unit", "mV"), ("output_name", "force")])
+def test_models_of_other_signals_are_no_family(field, value):
+    one = linearise(NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0))
+    with pytest.raises(ModelError, match=f"they have {field} "):
+        LinearFamily.of([[one], [replace(one, **{field: value})]])
+
+
 def test_a_text_is_no_reading_time():
     model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=0.1)
     for source in (linearise(model, 0.0), linearise_many(model, [0.0])):

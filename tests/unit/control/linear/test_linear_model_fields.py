@@ -74,3 +74,20 @@ def test_fields_are_of_their_kind(changed):
     (name,) = changed
     with pytest.raises(ControlError, match=name):
         linear_model(**changed)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda model: model.response("1 Hz"), "omega must be real numbers; got text"),
+        (lambda model: model.step_response(-1), "count must be an integer of at least 0; got -1"),
+        (lambda model: model.step_response(2.5), "count must be an integer of at least 0; got 2.5"),
+    ],
+)
+def test_arguments_of_its_responses_are_checked(call, said):
+    with pytest.raises(ControlError, match=said):
+        call(linear_model())
+
+
+def test_the_gain_of_an_integrator_is_infinite():
+    assert linear_model(denominator=[1.0, -1.0]).static_gain == np.inf

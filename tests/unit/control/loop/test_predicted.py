@@ -10,6 +10,7 @@ from scipy.stats import binom, norm
 
 from deatwin.control import (
     ClosedLoop,
+    ControlError,
     LinearController,
     PredictedLoop,
     lambda_tuning,
@@ -200,6 +201,19 @@ def test_where_all_draws_diverge_none_is_left():
     got = predicted(model, AT_END, step_reference(0.2, 1.0, 30), wild, draws=5)
     assert got.diverged == 1.0
     assert got.outputs.shape == (0, 150)
+    assert got.runs == ()
+    assert np.isnan(got.middle).all()
+    assert np.isnan(got.half_width).all()
+    assert np.isnan(got.interval(lambda run: run.overshoot)).all()
+    assert got.inside(run_of(got, got.reference)) == 0.0
+    assert np.isnan(got.to_xarray()["half_width"]).all()
+    got.plot()
+
+
+def test_a_controller_of_another_sample_time_is_refused():
+    model = NarxModel.from_terms({"y(k-1)": 0.7, "u(k)": 0.3}, sample_time=2 * H)
+    with pytest.raises(ControlError, match=r"the controller runs every 0\.02 s, the model every 0\.04 s"):
+        predicted(model, AT_END, np.full(10, 0.2))
 
 
 def test_the_generator_alone_decides(model, plant):

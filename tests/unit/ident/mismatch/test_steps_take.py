@@ -78,3 +78,8 @@ def test_every_source_is_public():
     for source in RETURNED_BY.values():
         called = re.findall(r"\b([a-z_]+)(?: returns| makes|\()", source) + re.findall(r"\b([A-Z]\w+)[.(]", source)
         assert called and set(called) - {"default_rng", "load"} <= names, source
+
+
+def test_what_a_list_holds_is_checked_too():
+    with pytest.raises(DeatwinError, match=r"alternatives\[1\] must be a Candidate; got text: prepare returns one"):
+        mismatch.advise(PASSES, [PASSES, "creep"], np.random.default_rng(0))

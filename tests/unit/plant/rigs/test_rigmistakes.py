@@ -276,6 +276,7 @@ UNUSUAL = [
     ("diaphragm", "drive", "bleed_resistance_Mohm", 0.5, "in Gohm, write 500"),
     ("diaphragm", "drive", "parallel_capacitance_pF", 1e-10, "in F, write 100"),
     ("diaphragm", "drive", "start_ramp_s", 2000.0, "in ms, write 2"),
+    ("diaphragm", "sensor", "sample_rate_Hz", 0.02, "0.02 is unusual; most are 0.1 to 100000"),
     ("diaphragm", "sensor", "noise_um", 0.002, "in mm, write 2"),
     ("diaphragm", "sensor", "noise_um", 2e-6, "in m, write 2"),
     ("planar", "film", "length_mm", 0.05, "in m, write 50"),

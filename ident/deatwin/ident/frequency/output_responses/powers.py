@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.ident.frequency.checks import whole_order
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.ranges import checked_sample_time
 from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, one_period, spectrum_of
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.arrays import Array, Booleans, Complex
+from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError

@@ -9,10 +9,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.plant.arrays import Array, Complex
+from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError

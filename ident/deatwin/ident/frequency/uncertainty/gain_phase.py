@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.narx.posterior import quantile
 from deatwin.plant.arrays import Array, Complex
+from deatwin.plant.copies import Frozen
 
 _DEGENERATE = 1e-13  # share of the larger variance below which an ellipse is a line, up to rounding
 _NOTHING = 1e-24  # share of the largest variance over frequency below which the response is zero, up to rounding

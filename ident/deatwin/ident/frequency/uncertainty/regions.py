@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.arguments import whole_number
 from deatwin.ident.frequency.drawing import drawn_points
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, region_radius
 from deatwin.plant.arrays import Array, Complex
+from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, nested, several, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError

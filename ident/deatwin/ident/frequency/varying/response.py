@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import read_only
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.linear import levels, motion
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import Array, Complex
+from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, real_number
-from deatwin.ident.frequency.frozen import Frozen
 from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.errors import DataError

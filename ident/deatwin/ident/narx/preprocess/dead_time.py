@@ -17,6 +17,7 @@ from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.arguments import each, instance, taking
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Rebuilt
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording, label
 
@@ -60,7 +61,7 @@ class DeadTimeStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DeadTime:
+class DeadTime(Rebuilt):
     """Estimated dead time from one input to one output, as `estimate_dead_time` returns it.
 
     Parameters

@@ -15,10 +15,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from deatwin.ident.arguments import read_only, whole_number
+from deatwin.ident.arguments import whole_number
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.arguments import taking
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
@@ -46,7 +47,7 @@ class SamplingStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SamplingChoice(Described):
+class SamplingChoice(Described, Frozen):
     """Correlation functions of the output and the decimation factor chosen from them.
 
     Parameters
@@ -159,8 +160,8 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
     highest = max(_highest(y - mean) for y in outputs if np.ptp(y) > 0.0)
     factor, status = _factor(min((m for m in minima if m is not None), default=None), highest)
     return SamplingChoice(
-        linear=read_only(linear),
-        nonlinear=read_only(nonlinear),
+        linear=linear,
+        nonlinear=nonlinear,
         linear_band=bands[0],
         nonlinear_band=bands[1],
         sample_time=chosen[0].sample_time,
