@@ -78,6 +78,18 @@ def page_of(diagnosis: Diagnosis, folder: Path) -> str:
     return (made.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
 
 
+def test_numbers_have_minus_signs_and_a_command_keeps_its_characters(tmp_path):
+    command = ("deatwin", "diagnose", "rig.toml", "--start", "-1", "V = 5 s")
+    write_report(
+        ResultFolder(tmp_path / "new"),
+        replace(DIAGNOSIS, sentence="It lies at -2.5 s."),
+        Origin(inputs=[], seed=3, command=command),
+    )
+    page = (tmp_path / "new" / "report.html").read_text(encoding="utf-8")
+    assert "It lies at −2.5\xa0s." in page
+    assert "deatwin diagnose rig.toml --start -1 &#39;V = 5 s&#39;" in page
+
+
 def test_what_is_left_unexplained_is_shown_with_its_place(tmp_path):
     left = Unexplained(rms=1.23, mismatch=9.61, share=0.0164, fitted=1.1, unseen=1.4, place="ball")
     page = page_of(replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left), tmp_path)
