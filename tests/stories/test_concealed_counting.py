@@ -203,10 +203,10 @@ def test_what_is_only_reported_is_neither_met_nor_missed(opened):
 def test_ties_tell_what_was_diagnosed_with_a_mass_and_what_needed_no_experiment(opened):
     cells = {row[0]: row[-2:] for table in tables(opened) if table.title.startswith("Ties") for row in table.rows}
     assert cells == {
-        "t1": ["named: sensor_lag", "yes"],
-        "t2": ["ambiguous: sensor_lag", "no"],
+        "t1": ["named: sensor lag", "yes"],
+        "t2": ["ambiguous: sensor lag", "no"],
         "t3": ["–", "at once"],
-        "t4": ["named: sensor_lag†", "yes"],
+        "t4": ["named: sensor lag†", "yes"],
     }
 
 
