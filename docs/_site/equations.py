@@ -20,6 +20,7 @@ log = logging.getLogger("mkdocs.hooks.equations")  # below "mkdocs", where --str
 BLOCK = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
 INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 DIRECTIVE = re.compile(r"^( *)\.\. math::[ \t]*(.*(?:\n(?:\1[ \t]+\S.*|[ \t]*(?=\n\1[ \t]+\S)))*)", re.MULTILINE)
+SHAPE = re.compile(r"^( *(?:\w[\w, ]* : )?\w+), shape (?=\()", re.MULTILINE)
 ROLE = re.compile(r":math:`([^`]+)`")
 
 
@@ -49,7 +50,7 @@ def _mathml(latex: str, display: str) -> str:
 
 
 def to_markdown(docstring: str) -> str:
-    """Write the equations of a reStructuredText docstring as Markdown has them.
+    """Write the equations of a reStructuredText docstring as Markdown has them, and keep the shapes of arrays as written.
 
     Parameters
     ----------
@@ -60,6 +61,7 @@ def to_markdown(docstring: str) -> str:
     -------
     str
     """
+    docstring = SHAPE.sub("\\1, shape\xa0", docstring)  # else "ndarray, shape (n,)" is read as a tuple of Python
     docstring = DIRECTIVE.sub(_directive, docstring)
     return ROLE.sub(lambda found: rf"\({' '.join(found[1].split())}\)", docstring)
 

@@ -16,6 +16,8 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
+from deatwin.studies.report.quantities import raised
+
 MARK = "<!-- gallery -->"
 DOCS = Path(__file__).parents[1]
 WIDTH, HEIGHT, LEFT, BELOW = 640.0, 190.0, 60.0, 18.0
@@ -50,7 +52,7 @@ def shown(told: dict[str, Any], found: dict[str, Any]) -> str:
     commands = told.get("command") or (
         f"python docs/gallery/record.py {told['record']} lab\ndeatwin diagnose lab/rig.toml lab/noise.csv --out found"
     )
-    answer = f"**{found['verdict']}**: {html.escape(found['sentence'])}\n\n" if "sentence" in found else ""
+    answer = f"**{found['verdict']}**: {html.escape(raised(found['sentence']))}\n\n" if "sentence" in found else ""
     picture = (
         f"![{told['title']}](gallery/{told['name']}.svg)"
         if "figure" in told
@@ -99,4 +101,4 @@ def drawing(found: dict[str, Any]) -> str:
 
 def plain(value: float) -> str:
     """Three digits, without an exponent."""
-    return f"{float(f'{value:.3g}'):,.10g}".replace("-", "−")
+    return f"{float(f'{value:.3g}'):.10g}".replace("-", "−")

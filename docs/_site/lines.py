@@ -1,6 +1,6 @@
-"""Keep units on the lines of their numbers, and names of options on one line, as the reports do.
+"""Keep units on the lines of their numbers, and names of options on one line, as the reports do; break long addresses.
 
-A hook of MkDocs (`on_page_content`), named in mkdocs.yml. Code blocks stay as they are, because readers copy them.
+A hook of MkDocs (`on_page_content`), named in mkdocs.yml. Code keeps its characters, because readers copy it.
 """
 
 from __future__ import annotations
@@ -8,9 +8,14 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from deatwin.studies.report.rendering import kept_together
+from deatwin.studies.report.rendering import kept_together, whole_options
 
-PARTS = re.compile(r"<(pre|svg|math|script|style)\b.*?</\1>|<[^>]*>|[^<]+", re.DOTALL)
+PARTS = re.compile(r"<(pre|svg|math|script|style|code)\b.*?</\1>|<[^>]*>|[^<]+", re.DOTALL)
+TEXT = re.compile(r"(?<=>)[^<]+")
+PATH = re.compile(r"[^\s<>]{26,}")
+"""An address or a path that may be too long for a line."""
+LONGEST_NAME = 24
+"""Characters of the longest code in a table that is a name, and stays on one line; longer code is a sentence."""
 
 
 def on_page_content(content: str, **_: Any) -> str:
@@ -25,4 +30,14 @@ def on_page_content(content: str, **_: Any) -> str:
     -------
     str
     """
-    return PARTS.sub(lambda found: found[0] if found[0].startswith("<") else kept_together(found[0]), content)
+    return PARTS.sub(lambda found: _whole(found[0]), content)
+
+
+def _whole(part: str) -> str:
+    if part.startswith("<code>"):
+        long = sum(map(len, TEXT.findall(part))) > LONGEST_NAME
+        part = TEXT.sub(lambda found: whole_options(found[0]), part)
+        return part.replace("<code>", '<code class="long">', 1) if long else part
+    return (
+        part if part.startswith("<") else PATH.sub(lambda found: found[0].replace("/", "/<wbr>"), kept_together(part))
+    )

@@ -76,8 +76,12 @@ def row(effect: Effect, added: list[list[float]]) -> str:
 
 def sentence(effect: Effect) -> str:
     """Say what the effect does, with the names of its parameters in place of their values."""
-    words = re.sub(r"\{(\w+)\}", lambda found: f"<i>{found[1].replace('_', ' ')}</i>", effect.wording)
-    return f"{words}."
+
+    def named(found: re.Match[str]) -> str:
+        time = "the time " if found[1] == effect.event else ""
+        return f"{time}<i>{found[1].replace('_', ' ')}</i>"
+
+    return re.sub(r"\{(\w+)\}", named, effect.wording) + "."
 
 
 def picture(outline: list[list[float]], unit: str) -> str:

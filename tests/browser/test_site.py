@@ -62,6 +62,19 @@ def cut_on_paper(tab: Any) -> list[str]:
     )
 
 
+def scrolled(tab: Any, selector: str) -> list[str]:
+    """What is wider than the place that the page has for it; there must be something to look at."""
+    found = tab.run(
+        """
+        const parts = [...document.querySelectorAll(arguments[0])];
+        if (!parts.length) return ["nothing"];
+        return parts.filter(part => part.scrollWidth > part.clientWidth + 1).map(part => part.innerText.slice(0, 60));
+    """,
+        selector,
+    )
+    return list(found)
+
+
 def test_no_list_is_swallowed_by_a_paragraph(site: Path) -> None:
     assert swallowed("<ol><li><p>one</p><p>more\n2. two</p></li></ol>") == ["more\n2. two"]
     found = {page.name: swallowed(page.read_text(encoding="utf-8")) for page in site.rglob("*.html")}
@@ -74,6 +87,25 @@ def test_a_page_is_accessible_on_every_screen(name: str, site: Path, tab: Any, a
         shown(tab, site / f"{name}.html", width, scheme)
         assert tab.overflow() == 0, (width, scheme)
         assert axe() == [], (width, scheme)
+
+
+@pytest.mark.parametrize(
+    "name", ["concealed-physics", "how-to/files-and-export", "how-to/own-csv", "reference/foreign"]
+)
+def test_no_table_is_cut_off_on_a_phone_or_a_screen(name: str, site: Path, tab: Any) -> None:
+    for width in (400, 1400):
+        shown(tab, site / f"{name}.html", width, "light")
+        assert scrolled(tab, "article table, .md-typeset__scrollwrap") == [], width
+    stacked = "[...document.querySelectorAll('article td[data-label]')].map(cell => getComputedStyle(cell).display)"
+    assert set(tab.run(f"return {stacked}")) <= {"table-cell"}
+    tab.size(400)
+    assert set(tab.run(f"return {stacked}")) <= {"block", "none"}  # an empty cell is not shown
+
+
+def test_what_deatwin_prints_is_not_cut_off(site: Path, tab: Any) -> None:
+    for width in (400, 1400):
+        shown(tab, site / "tutorial.html", width, "light")
+        assert scrolled(tab, ".language-text pre > code, .language-sh pre > code") == [], width
 
 
 @pytest.mark.parametrize("name", ["validation", "gallery", "reference/effects"])

@@ -203,10 +203,10 @@ def test_what_is_only_reported_is_neither_met_nor_missed(opened):
 def test_ties_tell_what_was_diagnosed_with_a_mass_and_what_needed_no_experiment(opened):
     cells = {row[0]: row[-2:] for table in tables(opened) if table.title.startswith("Ties") for row in table.rows}
     assert cells == {
-        "t1": ["named: sensor_lag", "yes"],
-        "t2": ["ambiguous: sensor_lag", "no"],
+        "t1": ["named: sensor lag", "yes"],
+        "t2": ["ambiguous: sensor lag", "no"],
         "t3": ["–", "at once"],
-        "t4": ["named: sensor_lag†", "yes"],
+        "t4": ["named: sensor lag†", "yes"],
     }
 
 
@@ -225,7 +225,8 @@ def test_confusion_counts_every_single_case_once(opened):
 def test_figures_tables_and_page_hold_the_counts(opened, made, tmp_path):
     goals = score(opened)
     assert all(isinstance(figure.columns, str) for figure in drawings(opened))
-    assert "structural residual over noise" in summary(opened)
+    assert "mismatch divided by noise" in summary(opened)
+    assert "#000000" not in summary(opened)  # black lines cannot be seen in dark mode
     page = results_page(opened, goals, made[0].seal)
     assert made[0].seal.hash in page
     assert "1 of 4, 25.0 %" in page

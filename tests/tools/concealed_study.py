@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ from markdown_tables import markdown_table
 
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.cases import case_specs
-from deatwin.scenarios.concealed_physics.page import KINDS, tables
+from deatwin.scenarios.concealed_physics.page import KINDS, VERDICTS, tables
 from deatwin.scenarios.concealed_physics.results import FAR, NO_CASE, Goal, Opened, open_key
 from deatwin.scenarios.concealed_physics.study import key_of
 from deatwin.studies.report.words import rendered
@@ -25,6 +26,10 @@ TITLES = {"long": "Concealed physics in long recordings"}
 """Titles of the pages of sizes that have one beside the usual one."""
 MET = {True: "yes", False: "no", None: "reported"}
 TEMPLATE = Path(__file__).with_suffix(".md.j2")
+LEGEND = re.compile(r"(.+?) \(((?:[✓†(].+))\)")
+"""A heading with the legend of the marks in its column."""
+MARK = re.compile(r"(?<=\d):(?=[^\s\w])")
+"""Between the mismatch of a case and its mark, which stay on one line."""
 
 
 def opened_study(folder: Path | str) -> tuple[Opened, SweepSeal]:
@@ -65,7 +70,7 @@ def page_of(data: Mapping[str, Any]) -> str:
     """Write the page of results."""
     tested = [{**g, "met": "–"} if (g["reached"], g["met"]) == (NO_CASE, "no") else g for g in data["goals"]]
     goals = markdown_table(["goal", "demanded", "reached", "met"], [list(goal.values()) for goal in tested])
-    shown = [{"title": t["title"], "lines": markdown_table(t["columns"], t["rows"])} for t in data["tables"]]
+    shown = [_shown(**table) for table in data["tables"]]
     named = ("size", "seed", "version", "seal", "planned", "done", "remark", "errors")
     text = rendered(
         TEMPLATE.read_text(encoding="utf-8"),
@@ -80,3 +85,16 @@ def page_of(data: Mapping[str, Any]) -> str:
         tables=shown,
     )
     return text.rstrip("\n") + "\n"
+
+
+def _shown(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> dict[str, Any]:
+    """Put the legends of marks below the title, and leave out verdicts that no case has."""
+    kept = [k for k, name in enumerate(columns) if name not in VERDICTS or any(row[k] != "0" for row in rows)]
+    legends = {name: LEGEND.fullmatch(name) for name in columns}
+    heads = [found[1] if (found := legends[columns[k]]) else columns[k] for k in kept]
+    cells = [[MARK.sub(":\u2060", row[k]) for k in kept] for row in rows]
+    return {
+        "title": title,
+        "legend": " ".join(f"Marks in the column *{found[1]}*: {found[2]}." for found in legends.values() if found),
+        "lines": markdown_table(heads, cells),
+    }

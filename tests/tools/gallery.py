@@ -48,7 +48,7 @@ def residual(folder: Path) -> dict[str, Any]:
     table = columns(folder / "figures" / "time.csv")
     unit = next(key for key in table if key.startswith("measured_")).removeprefix("measured_")
     left = {"time_s": table["time_s"]}
-    for label, name in (("calibrated plant", "base"), ("amended plant", "amended")):
+    for label, name in (("calibrated model", "base"), ("amended model", "amended")):
         if f"{name}_{unit}" in table:
             left[f"{label}_{unit}"] = table[f"measured_{unit}"] - table[f"{name}_{unit}"]
     return drawn(left, [key.removesuffix(f"_{unit}") for key in left if key != "time_s"])

@@ -14,6 +14,7 @@ from markdown_tables import markdown_table
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.catalogue import STORIES
 from deatwin.studies.public.black_boxes import LINEAR
+from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.sweep.store import read_object
 
 MEASURED = "deatwin/story-measures/1"
@@ -178,7 +179,7 @@ def _recordings(rows: Rows) -> list[str]:
         best = _best(row["black_boxes"])
         ahead += best is not None and best < row["amended"]
         beside += best is not None
-        causes = ", ".join(row["causes"]).replace("_", " ")
+        causes = ", ".join(row["causes"])
         told = {"named": causes, "ambiguous": f"ambiguous: {causes}"}.get(row["verdict"], row["verdict"])
         cells.append(
             [
@@ -187,8 +188,8 @@ def _recordings(rows: Rows) -> list[str]:
                 system.documented,
                 told,
                 f"{system.loop} loop",
-                f"{row['base'] / system.scale:.3g} and {row['amended'] / system.scale:.3g} {system.unit}",
-                UNKNOWN if best is None else f"{best / system.scale:.3g} {system.unit}",
+                f"{three_digits(row['base'] / system.scale)} and {three_digits(row['amended'] / system.scale)} {system.unit}",
+                UNKNOWN if best is None else f"{three_digits(best / system.scale)} {system.unit}",
             ]
         )
     head = [
@@ -232,7 +233,7 @@ def _is_shown(row: Mapping[str, Any]) -> bool:
 
 
 def _shown(error: float | None) -> str:
-    return UNKNOWN if error is None else f"{error:.3g}"
+    return UNKNOWN if error is None else three_digits(error)
 
 
 def _best(errors: Mapping[str, float | None]) -> float | None:

@@ -8,6 +8,7 @@ from typing import Any
 from markdown_tables import markdown_table
 
 from deatwin.scenarios.real_physics.grey_boxes import sources
+from deatwin.studies.report.quantities import three_digits
 
 RECORDS = "deatwin/records/1"
 """Schema of what is kept by hand."""
@@ -16,7 +17,9 @@ RECORDS = "deatwin/records/1"
 def record_blocks(records: Mapping[str, Any], measured: Mapping[str, Any]) -> dict[str, list[str]]:
     """The lines of the blocks; errors are those of the last run of the standard tasks."""
     errors = {
-        (row["task"], row["model"]): f"{row['error']:.3g} {row['unit']}" for row in measured["tasks"] if row["error"]
+        (row["task"], row["model"]): f"{three_digits(row['error'])} {row['unit']}"
+        for row in measured["tasks"]
+        if row["error"]
     }
     published = sources()
     return {

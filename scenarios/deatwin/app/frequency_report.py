@@ -253,7 +253,7 @@ def _rows(found: Responses) -> list[Measure]:
         left = float(fitted.residual[:, -1].max())
         rows += [
             Measure(
-                "factor by which errors of the NOFRFs grow where contributions to the input spectra U_n cancel",
+                "factor by which errors of the NOFRFs grow where contributions to the input spectra Uₙ cancel",
                 f"at most {AMPLIFICATION:g}",
                 f"{grown:.3g}",
                 grown <= AMPLIFICATION,

@@ -97,7 +97,7 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
 
 
 def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
-    noise, error = (amount(f"{value:.3g}", unit) for value in (found.noise, found.model_error))
+    noise, error = (amount(three_digits(value), unit) for value in (found.noise, found.model_error))
     yield (
         f"The plan uses the nominal model, linearised. The plan assumes sensor noise of {noise} rms and a model error of {error} rms. "
         "All parameters of the model are refitted together with each effect."

@@ -208,7 +208,7 @@ def test_a_glance_shows_what_look_says(root):
     )
     found = glance(root, "long.csv", NO_OPTIONS)
     assert not found.refused and found.lines == look_at(read_recordings(root / "long.csv")).lines
-    page = html.unescape(found.html()).replace("\xa0", " ")
+    page = html.unescape(found.html()).replace("\xa0", " ").replace("−", "-")
     assert all(line in page for line in found.lines)
     assert page.count("<svg ") == 1 and "var(--after)" in page
 
@@ -284,7 +284,8 @@ def test_it_is_said_whether_the_recordings_are_the_same(first, second, same, roo
 
 
 def test_the_table_says_all_and_nothing_in_it_is_markup(root):
-    write_result(root / "<b>one", {"noise.csv": "a"}, set=["creep", "dielectric_absorption"])
+    possible = [{"effects": [*also, "creep"], "probability": 0.4} for also in ((), ("electrode_rc",))]
+    write_result(root / "<b>one", {"noise.csv": "a"}, explanations=possible)
     write_result(root / "two", {"<i>.csv": "b"}, explanations=[{"effects": ["creep"], "probability": 0.91}])
     (root / "two" / "report.html").write_text("", encoding="utf-8")
     table = compare([Verdict.read(root, name) for name in ("<b>one", "two")]).html().replace("\xa0", " ")
@@ -292,7 +293,7 @@ def test_the_table_says_all_and_nothing_in_it_is_markup(root):
         "The film &lt;keeps&gt; creeping.",
         "54 s",
         "50 to 59 s",
-        "creep, dielectric absorption",
+        "<td>creep alone; electrode RC and creep</td><td>–</td>",
         "10.2 → 2.10 µm",
         "9.80 → 2.05 µm",
         "2.00 µm",

@@ -78,6 +78,18 @@ def page_of(diagnosis: Diagnosis, folder: Path) -> str:
     return (made.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
 
 
+def test_numbers_have_minus_signs_and_a_command_keeps_its_characters(tmp_path):
+    command = ("deatwin", "diagnose", "rig.toml", "--start", "-1", "V = 5 s")
+    write_report(
+        ResultFolder(tmp_path / "new"),
+        replace(DIAGNOSIS, sentence="It lies at -2.5 s."),
+        Origin(inputs=[], seed=3, command=command),
+    )
+    page = (tmp_path / "new" / "report.html").read_text(encoding="utf-8")
+    assert "It lies at −2.5\xa0s." in page
+    assert "deatwin diagnose rig.toml --start -1 &#39;V = 5 s&#39;" in page
+
+
 def test_what_is_left_unexplained_is_shown_with_its_place(tmp_path):
     left = Unexplained(rms=1.23, mismatch=9.61, share=0.0164, fitted=1.1, unseen=1.4, place="ball")
     page = page_of(replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left), tmp_path)
@@ -339,11 +351,11 @@ def test_the_page_shows_every_step_in_order(whole):
         "Alternatives to the chosen explanation: delay (d² = 9.10).",
         "x² beyond a dead band (half-width: 17.6 µm)",
         "<td>N s/m²</td>",
-        "-0.0123",
+        "−0.0123",
         "94 %",
         "at the ball",
         "from 30 to 2.0 %",
-        "ball = sliding",
+        "ball = &#39;sliding&#39;",
         "as the rig file states",
         "12.6",
         "A placebo effect (creep with the opposite sign) fits as well as creep itself",
@@ -352,12 +364,12 @@ def test_the_page_shows_every_step_in_order(whole):
         "97 %",
         "3.12 %",
         "not tested: it hardly differs",
-        "-126 ± 8 %",
+        "−126 ± 8 %",
         "not determined",
         "during rests of the command and up to 50.0 s after the command was last at rest, or after the start of the recording, whichever is later",
-        "displacement rate from -332 to 326 µm/s",
+        "displacement rate from −332 to 326 µm/s",
         "<td>falling reading</td>",
-        "The strength of creep is not constant: in a fit that lets it vary, it changes by -126 % over the fitted data",
+        "The strength of creep is not constant: in a fit that lets it vary, it changes by −126 % over the fitted data",
     )
     for text in shown:
         assert text in page, text

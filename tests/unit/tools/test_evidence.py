@@ -7,6 +7,8 @@ from pathlib import Path
 
 import evidence
 import pytest
+from concealed_study import page_of
+from markdown_tables import markdown_table
 from measured import measured_blocks
 
 from deatwin.app.stories import stories
@@ -205,7 +207,7 @@ def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_other
     assert names == sorted(names, key=list(stories()).index) and len(set(names)) == len(names)
     page = (docs / "validation.md").read_text(encoding="utf-8")
     # The linear model is none of the black boxes, and the one whose run left counts for nothing.
-    assert "| a cubic spring | cubic spring | cubic stiffness | open loop | 250 and 3 mV | 2 mV |" in page
+    assert "| a cubic spring | cubic spring | cubic stiffness | open loop | 250 and 3.00 mV | 2.00 mV |" in page
     assert "| `silverbox` | 1 of 2 | seed 9, deatwin 7.8; commit 0123abc |" in page
     assert page.count("| `silverbox` | smooth ∣H(f)∣ | below 1 | 2 |") == 1  # among what was missed
     assert (
@@ -228,7 +230,7 @@ def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, s
     errors = {**SILVERBOX["held_out"]["The arrow-head"], "recording": "The arrow-head", "amended": amended}
     row = {"story": "silverbox", "verdict": verdict, "causes": ["cubic_stiffness"], **errors}
     made = measured_blocks({"stories": [], "measures": [], "recordings": [row]})["recordings-of-others"]
-    assert f"| {shown} | open loop | 250 and {1000 * amended:g} mV | 2 mV |" in made[2]
+    assert f"| {shown} | open loop | 250 and {1000 * amended:.2f} mV | 2.00 mV |" in made[2]
     assert (
         f"The best NARX model has a smaller error than the plant with the effect for {ahead} of the 1 data sets."
         in made[-1]
@@ -251,3 +253,23 @@ def test_trials_are_read_as_the_scenario_writes_them(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-4])
     with pytest.raises(DataError, match=r"002\.nc: damaged or altered"):
         evidence.trials_data(tmp_path)
+
+
+def test_a_table_writes_effects_in_words_and_the_page_of_a_study_tells_the_marks_apart_from_the_head(
+    docs: Path,
+) -> None:
+    lines = markdown_table(
+        ["effect", "code"], [["electrode_rc, sensor_drift_at_command_gain", "`electrode_rc` my_own"]]
+    )
+    assert lines[2] == "| electrode RC, drift of the amplifier's gain | `electrode_rc` my_own |"
+    data = json.loads((docs / "data" / "concealed-physics.json").read_text(encoding="utf-8"))
+    table = {
+        "title": "Verdicts",
+        "columns": ["cases", "named", "unknown"],
+        "rows": [["one", "3", "0"], ["two", "0", "0"]],
+    }
+    marks = {"title": "Marks", "columns": ["case", "result (✓ right, ✗ wrong)"], "rows": [["one", "0.3:✓ 1:✗"]]}
+    page = page_of({**data, "tables": [table, marks]})
+    assert "| cases | named |\n|---|---|\n| one | 3 |\n| two | 0 |\n" in page  # nothing is unknown
+    assert "## Marks\n\nMarks in the column *result*: ✓ right, ✗ wrong.\n\n| case | result |\n" in page
+    assert "| one | 0.3:\u2060✓ 1:\u2060✗ |" in page

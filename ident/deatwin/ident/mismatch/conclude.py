@@ -26,7 +26,7 @@ from deatwin.ident.mismatch.refit.exchange import exchanged_lags
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors
-from deatwin.ident.mismatch.say import number, say
+from deatwin.ident.mismatch.say import field_value, number, rig_field, say
 from deatwin.ident.mismatch.steps import variants_tried
 from deatwin.ident.mismatch.taught import errors_in, taught
 from deatwin.ident.mismatch.thresholds import CREDIBLE, DISTINGUISHED
@@ -249,7 +249,7 @@ def _form(findings: Findings) -> list[str]:
     """Warn if the recordings contradict the rig file, or fit one of its interpretations better."""
     stated, found = differences([findings.problem.nominal.rig, findings.final.plant.rig])
     return [
-        f"the recordings fit a rig with {name} = {_short(found[name])} better than one with {name} = {_short(value)}"
+        f"the recordings fit a rig with {rig_field(name, found[name])} better than one with {rig_field(name, value)}"
         for name, value in stated.items()
     ]
 
@@ -259,13 +259,8 @@ def _restated(findings: Findings) -> Iterator[str]:
     nominal = findings.problem.nominal.rig
     for variant in findings.restated:
         stated, found = differences([nominal, variant.calibration.plant.rig])
-        changes = [f"{name} = {_short(found[name])} instead of {_short(value)}" for name, value in stated.items()]
+        changes = [f"{rig_field(name, found[name])} instead of {field_value(value)}" for name, value in stated.items()]
         yield f"a rig with {' and '.join(changes)} would also explain the recordings, without any effect: check this"
-
-
-def _short(value: object) -> str:
-    """Write a field of a rig; a fitted number with four digits."""
-    return f"{value:.4g}" if isinstance(value, float) else repr(value)
 
 
 def _scaled(findings: Findings) -> Iterator[str]:
@@ -282,7 +277,7 @@ def _variants_of_alternatives(findings: Findings) -> Iterator[str]:
     for alternative in findings.naming.alternatives if findings.named else ():
         _, found = differences([findings.answer.calibration.plant.rig, alternative.calibration.plant.rig])
         if found:
-            variant = ", ".join(f"{name} = {value!r}" for name, value in found.items())
+            variant = ", ".join(rig_field(name, value) for name, value in found.items())
             explanation = _in_words(alternative) or "no effect at all"
             yield f"the alternative explanation, {explanation}, requires that the rig has {variant}"
 

@@ -44,6 +44,20 @@ def number(value: float, digits: int = 3) -> str:
     return np.format_float_positional(value, precision=digits, unique=False, fractional=False).rstrip(".")
 
 
+def rig_field(name: str, value: object) -> str:
+    """Write a field of a rig.
+
+    >>> rig_field("contact_radius", 0.0030004), rig_field("reading", "start of hold")
+    ('contact radius = 0.003', "reading = 'start of hold'")
+    """
+    return f"{spaced(name)} = {field_value(value)}"
+
+
+def field_value(value: object) -> str:
+    """Write the value of a rig's field: a number with up to four digits, never with an exponent."""
+    return np.format_float_positional(float(f"{value:.4g}"), trim="-") if isinstance(value, float) else repr(value)
+
+
 def risk(share: float) -> str:
     """Write a predicted risk in per cent, without the sign, to two digits, or as a bound below a thousandth."""
     return number(100 * share, 2) if share >= NEGLIGIBLE else f"below {100 * NEGLIGIBLE:g}"
@@ -88,7 +102,7 @@ def _parameters(diagnosis: Diagnosis) -> list[str]:
 def _restated(diagnosis: Diagnosis) -> str:
     """Name the numbers of the rig that differ from the stated ones."""
     form = diagnosis.forms[0].form if diagnosis.forms else {}
-    numbers = [f"{spaced(name)} = {number(value)}" for name, value in form.items() if isinstance(value, float)]
+    numbers = [rig_field(name, value) for name, value in form.items() if isinstance(value, float)]
     return (
         f"the recordings fit a rig with {listed(numbers)} (in SI units) better than the nominal one" if numbers else ""
     )

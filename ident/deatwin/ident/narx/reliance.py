@@ -100,9 +100,11 @@ class Reliance:
             )
         if self.biased and self.gain_error is not None and self.gain_error_half_width is not None:
             way = "larger" if self.gain_error > 0 else "smaller"
+            half_width = f"{100 * self.gain_error_half_width:.2g}"
+            decimals = len(half_width.partition(".")[2])
             found.append(
-                f"the model is biased: on held-out data, the measured gain is {100 * abs(self.gain_error):.2g} ± "
-                f"{100 * self.gain_error_half_width:.2g} % (95 % interval) {way} than the gain of the model's free run"
+                f"the model is biased: on held-out data, the measured gain is {100 * abs(self.gain_error):.{decimals}f} ± "
+                f"{half_width} % (95 % interval) {way} than the gain of the model's free run"
             )
         return (*found, *self.remarks)
 

@@ -85,7 +85,7 @@ class FmuModel:
 
         Parameters
         ----------
-        path : str or path-like
+        path : str or PathLike
             File of the FMU.
         inputs : tuple of str
             Names of the input variables, the command first.

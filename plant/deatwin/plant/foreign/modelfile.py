@@ -39,7 +39,7 @@ def read_model_file(path: str | os.PathLike[str]) -> Plant:
 
     Parameters
     ----------
-    path : str or path-like
+    path : str or PathLike
         Model file, in TOML; the page "Models written elsewhere" explains its sections and keys.
 
     Raises

@@ -53,7 +53,7 @@ class Verdict:
     unit: str = ""
     noise: float | None = None
     causes: tuple[Left, ...] = ()  # Effects that the plant lacked
-    possible: tuple[str, ...] = ()  # Effects that the recordings cannot distinguish
+    possible: tuple[str, ...] = ()  # Explanations that the recordings cannot distinguish, in words
     fitted: tuple[float | None, float | None] = (None, None)
     unseen: tuple[float | None, float | None] = (None, None)
     inputs: Mapping[str, str] = field(default_factory=dict)
@@ -87,6 +87,7 @@ class Verdict:
 def _said(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return the diagnosis in words."""
     from deatwin.ident.mismatch import how_sure, next_step
+    from deatwin.ident.mismatch.say import called, in_percent, ranked
     from deatwin.studies.report.quantities import with_interval
 
     unit = diagnosis.output.unit
@@ -96,7 +97,8 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
             effect=cause.effect,
             probability=cause.probability,
             parameters=tuple(
-                (name, *with_interval(x.value, x.low, x.high, x.unit)) for name, x in cause.parameters.items()
+                (name, *with_interval(x.value, x.low, x.high, x.unit))
+                for name, x in ((name, in_percent(name, given)) for name, given in cause.parameters.items())
             ),
         )
         for cause in diagnosis.causes
@@ -110,7 +112,7 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
         "unit": written_unit(unit),
         "noise": diagnosis.noise,
         "causes": tuple(causes),
-        "possible": tuple(diagnosis.names),
+        "possible": tuple(called(one.effects, diagnosis) for one in ranked(diagnosis)),
         "fitted": (fitted.before, fitted.after),
         "unseen": (unseen.before, unseen.after),
     }

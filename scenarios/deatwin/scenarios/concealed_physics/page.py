@@ -115,7 +115,7 @@ def _grouped(cases: Iterable[Case], key: Callable[[Case], str]) -> dict[str, lis
 
 
 def _each(cases: Sequence[Case], mark: Callable[[Case], str]) -> str:
-    return " ".join(f"{case.ratio:.2g}:{mark(case)}" for case in cases)
+    return " ".join(f"{case.ratio:#.2g}:{mark(case)}" for case in cases)
 
 
 def _effects(study: Opened) -> Table:
@@ -167,10 +167,10 @@ def _outside(study: Opened) -> Table:
 
     rows = []
     for name, cases in _grouped(study.of("outside"), lambda case: case.mechanisms[0]).items():
-        stated = Counter("+".join(case.causes) for case in cases if case.causes)
+        stated = Counter(" + ".join(case.causes) for case in cases if case.causes)
         unknown = sum(case.right_unknown for case in cases)
         counts = map(str, (len(cases), sum(case.detected for case in cases), unknown, stated.total()))
-        which = ", ".join(f"{causes} {count}" for causes, count in stated.most_common())
+        which = ", ".join(f"{effects_in_words(causes)}: {count}" for causes, count in stated.most_common())
         rows.append([effects_in_words(name), *counts, which, _each(cases, mark)])
     return WORDS.table("outside", rows)
 
@@ -178,18 +178,19 @@ def _outside(study: Opened) -> Table:
 def _pairs(study: Opened) -> Table:
     rows = []
     for case in study.of("pair"):
-        others = ", ".join(sorted(case.answer - set(case.causes)))
-        found = [three_digits(case.ratio), case.verdict, " + ".join(case.causes), others]
-        rows.append([case.name, " + ".join(case.truth), *found])
+        others = effects_in_words(", ".join(sorted(case.answer - set(case.causes))))
+        found = [three_digits(case.ratio), case.verdict, effects_in_words(" + ".join(case.causes)), others]
+        rows.append([case.name, effects_in_words(" + ".join(case.truth)), *found])
     return WORDS.table("pairs", rows)
 
 
 def _ties(study: Opened) -> Table:
     rows = []
     for case in study.of("tie"):
-        found = [three_digits(case.ratio), case.verdict, ", ".join(sorted(case.answer))]
+        found = [three_digits(case.ratio), case.verdict, effects_in_words(", ".join(sorted(case.answer)))]
         named = "yes" if case.resolved else "at once" if case.named_right else "no"
-        rows.append([case.name, case.truth[0], *found, (case.advised or "–") + "†" * case.heavier, named])
+        advised = effects_in_words(case.advised or "–") + "†" * case.heavier
+        rows.append([case.name, effects_in_words(case.truth[0]), *found, advised, named])
     return WORDS.table("ties", rows)
 
 
@@ -213,18 +214,19 @@ def _reach() -> Table:
     """Show how much of each mechanism the displacement at a given voltage can reveal at all."""
     rows = []
     for name in sorted(REACH, key=lambda name: (REACH[name], name in OUTSIDE, name)):
-        effect, visible = KEY[name][0] if name in KEY else "outside the catalogue", REACH[name] >= VISIBLE
-        rows.append([effects_in_words(name), effect, three_digits(REACH[name]), "yes" if visible else "no"])
+        effect = effects_in_words(KEY[name][0]) if name in KEY else "outside the catalogue"
+        visible = "yes" if REACH[name] >= VISIBLE else "no"
+        rows.append([effects_in_words(name), effect, three_digits(REACH[name]), visible])
     return WORDS.table("reach", rows)
 
 
 RUNGS = (0.0, 0.12, 0.17, 0.24, 0.39, 0.67, 1.2, 2.1, 3.7, np.inf)
-"""Ends of the classes of structural residual over noise, halfway between the strengths of the cases."""
+"""Ends of the classes of the mismatch divided by the noise, halfway between the strengths of the cases."""
 ANSWERS: dict[str, tuple[Callable[[Case], bool], str, str]] = {
     "detected": (lambda c: c.detected, Hue.MEASURED, "s"),
-    "truth in the answer": (lambda c: c.inside, Hue.MARK, "D"),
+    "true effect among causes or alternatives": (lambda c: c.inside, Hue.MARK, "D"),
     "first cause right": (lambda c: c.first_right, Hue.AFTER, "o"),
-    "confident wrong name": (lambda c: c.confidently_wrong, Hue.BEFORE, "X"),
+    "wrong name": (lambda c: c.confidently_wrong, Hue.BEFORE, "X"),
 }
 
 
@@ -259,7 +261,7 @@ def _whole(figure: Figure, study: Opened) -> None:
     _draw_errors(fourth, study)
     titles = {
         first: "concealed (rows), found (columns)",
-        second: "one effect, by its strength",
+        second: "one effect, by its mismatch",
         third: "stated probability of a cause",
         fourth: "free run on held-out data",
     }
@@ -306,7 +308,7 @@ def _draw_power(axes: Axes, study: Opened) -> None:
             capsize=2,
             elinewidth=0.8,
         )
-    axes.set(xscale="log", xlabel="structural residual over noise", ylabel="cases (%)", ylim=(-4, 104))
+    axes.set(xscale="log", xlabel="mismatch divided by noise", ylabel="cases (%)", ylim=(-4, 104))
     plain_numbers(axes.xaxis, 1.0, 3.0)
     axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.14), ncols=2, markerscale=1, fontsize="small")
 
@@ -343,7 +345,7 @@ def _draw_errors(axes: Axes, study: Opened) -> None:
     labels = [MADE_BY[name].replace(" ", "\n") for name in shown]
     axes.boxplot([found[name] for name in shown], whis=(5, 95), tick_labels=labels, sym="_", widths=0.5)
     axes.axhline(1.0, color=Hue.INK, linestyle=":", linewidth=0.9)
-    axes.set(yscale="log", ylabel="error over the oracle's")
+    axes.set(yscale="log", ylabel="error divided by that of the oracle")
     axes.tick_params(axis="x", labelsize="small")
     numbers_of_decades(axes.yaxis, 100.0)
     axes.grid(axis="x", visible=False)

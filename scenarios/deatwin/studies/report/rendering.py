@@ -68,8 +68,9 @@ LARGEST = 4_500_000
 """Most bytes of a page. Data that would make it larger stay in their files beside it, the largest of them first."""
 REST = 300_000  # Most bytes of a page without its figures and their data
 _UNIT = re.compile(
-    r"(?<=\d) (?:%|°|dB|[pnµumkMG]?(?:Hz|Pa|ohm|rad|[msVANFgWKJ])(?:/[a-zµ]+)?(?: rms)?)(?!\w)|(?<=[≥≤±=]) (?=[\d-])"
+    r"(?<=\d) (?:%|°|dB|[pnµumkMG]?(?:Hz|Pa|ohm|rad|[msVANFgWKJ])(?:/[a-zµ]+)?(?: rms)?)(?!\w)|(?<=[≥≤±=]) (?=[\d-])|(?<=&lt;|&gt;) (?=\d)|(?<=\d) of (?=\d)|(?<=\d) (?=\d{3}(?!\d))"
 )
+_MINUS = re.compile(r"(?<![^\s(±=])-(?=\d)")
 _OPTION = re.compile(r"(?<!\S)--[a-z][a-z-]+")
 
 
@@ -131,12 +132,17 @@ def unbroken(shown: Any) -> Any:
 
 
 def kept_together(text: str) -> str:
-    """Keep units and signs on the line of their numbers, and the names of options on one line, in the text of HTML.
+    """Keep numbers on one line with their units and signs, write minus signs as figures do, and keep names of options whole.
 
-    >>> kept_together("from 4.6 to 2.1 µm rms (p = 0.02) in 3 steps"), kept_together("with --out")
-    ('from 4.6 to 2.1\xa0µm\xa0rms (p =\xa00.02) in 3 steps', 'with <span class="option">--out</span>')
+    >>> kept_together("from 4.6 to -2.1 µm rms (p = 0.02), 2 of 20 000"), kept_together("with --out")
+    ('from 4.6 to −2.1\xa0µm\xa0rms (p =\xa00.02), 2\xa0of\xa020\xa0000', 'with <span class="option">--out</span>')
     """
     text = _UNIT.sub(lambda found: found[0].replace(" ", "\xa0"), text)
+    return whole_options(_MINUS.sub("−", text))
+
+
+def whole_options(text: str) -> str:
+    """Keep the name of each option on one line, in the text of HTML."""
     return _OPTION.sub(r'<span class="option">\g<0></span>', text)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from deatwin.ident.mismatch import Diagnosis, Findings, VerificationSummary
 from deatwin.ident.mismatch.quality.noise import NoiseSource
-from deatwin.ident.mismatch.say import unit_of
+from deatwin.ident.mismatch.say import rig_field, unit_of
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.drawing import Figure
 from deatwin.studies.report.drawing import Drawing, draw
@@ -135,8 +135,7 @@ def forms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         return []
     rows = []
     for place, form in enumerate(diagnosis.forms):
-        values = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in form.form.items()}
-        read = ", ".join(f"{name} = {value}" for name, value in values.items()) or "as the rig file states"
+        read = ", ".join(rig_field(name, value) for name, value in form.form.items()) or "as the rig file states"
         rows.append({"read": read, "fitted": form.fitted, "unseen": form.unseen, "chosen": place == 0})
     return rows
 
