@@ -17,6 +17,7 @@ from deatwin.plant.checks import experiment_for
 from deatwin.plant.effects.base import Effect, require_effects
 from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.effects.places import everywhere
+from deatwin.plant.effects.sizes import Sizes, sizes_from, unscaled
 from deatwin.plant.equations import STAGES, Equations
 from deatwin.plant.errors import ModelError, RigError
 from deatwin.plant.parameters import ParameterSet
@@ -303,15 +304,26 @@ class Plant:
         """Make the plant from the `data` of `to_dict`; RigError if the rig, an effect or a parameter is unknown."""
         described = dict(data["rig"])
         rig = rig_kind(described.pop("kind")).from_dict(described)
-        own = {
-            effect.name: effect for effect in everywhere(rig.effects())
-        }  # The catalogue at the sizes of this rig, and the rig's own effects
-        effects = tuple(own[e] if isinstance(e, str) and e in own else effect_from(e) for e in data["effects"])
+        own = {effect.name: effect for effect in everywhere(rig.effects())} if data["effects"] else {}
+        effects = tuple(_effect_of(entry, own, rig.sizes) for entry in data["effects"])
         try:
             values = {name: float(p["value"]) for name, p in data["parameters"].items()}
         except (TypeError, KeyError, ValueError) as error:
             raise RigError(f"malformed parameters: {error!r}; each needs a number under 'value'") from None
         return cls(rig=rig, effects=effects, values=values)
+
+
+def _effect_of(entry: str | Mapping[str, Any], own: Mapping[str, Effect], usual: Sizes | None) -> Effect:
+    """Return the effect of a file's entry, from a rig's `own` effects or the catalogue."""
+    if not isinstance(entry, str) and "sizes" not in entry:
+        return effect_from(entry)
+    name = entry if isinstance(entry, str) else str(entry.get("name"))
+    found = own[name] if name in own else effect_from(name)
+    effect = unscaled(found)
+    if not isinstance(entry, str):
+        return sizes_from(entry["sizes"]).of(effect)
+    # Without sizes, an effect of the catalogue has those of the rig's kind, as in files of version 0.2.0.
+    return effect if effect is found or usual is None else usual.of(effect)
 
 
 def require_plant(plant: object, user: str) -> None:

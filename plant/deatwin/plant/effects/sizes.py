@@ -168,6 +168,13 @@ class _Similar(Effect):
         )
         return tuple(self.sizes.of(effect) for effect in found)
 
+    @property
+    def entry(self) -> dict[str, Any]:
+        """Return the entry of a model file: the name, and the sizes that differ from those of the diaphragm."""
+        usual = Sizes()
+        own = {f.name: getattr(self.sizes, f.name) for f in fields(Sizes)}
+        return {"name": self.name, "sizes": {k: v for k, v in own.items() if v != getattr(usual, k)}}
+
     def placed(self, at: str) -> Effect:
         here = self.original()
         there = here.placed(at)
@@ -176,6 +183,19 @@ class _Similar(Effect):
     def __reduce__(self) -> tuple[Any, ...]:
         first = self.original.first if issubclass(self.original, Elsewhere) else self.original
         return _made, (first, self.placed_at, self.sizes, {f.name: getattr(self, f.name) for f in fields(self)})
+
+
+def unscaled(effect: Effect) -> Effect:
+    """Return an effect with the typical values of the diaphragm if it is scaled to other sizes, else the same one."""
+    return effect.original() if isinstance(effect, _Similar) else effect
+
+
+def sizes_from(data: object) -> Sizes:
+    """Return the sizes in a model file; RigError if they are malformed."""
+    try:
+        return Sizes(**data)  # type: ignore[arg-type]
+    except TypeError as error:
+        raise RigError(f"malformed sizes: {error}") from None
 
 
 class _View:

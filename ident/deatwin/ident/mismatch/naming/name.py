@@ -102,7 +102,7 @@ def explanations(
         base, *alternatives = (variant.with_stages(stages) for variant in (base, *alternatives))
         problem = replace(problem, nominal=replace(problem.nominal, stages=stages))
         search = Search(problem, base, known, fitted)
-        stage = search.beside((), partial(tell, 0))
+        stage = search.beside(())
     search.judge_by_the_best(stage)
     naming = decided(search, stage)
     own = taken = search, stage, naming
