@@ -102,7 +102,7 @@ def explanations(
         base, *alternatives = (variant.with_stages(stages) for variant in (base, *alternatives))
         problem = replace(problem, nominal=replace(problem.nominal, stages=stages))
         search = Search(problem, base, known, fitted)
-        stage = search.beside(())
+        stage = search.beside((), lambda share: tell(0, 1.0))  # a share that is told does not fall
     search.judge_by_the_best(stage)
     naming = decided(search, stage)
     own = taken = search, stage, naming
