@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -17,6 +17,7 @@ from deatwin.plant.checks import experiment_for
 from deatwin.plant.effects.base import Effect, require_effects
 from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.effects.places import everywhere
+from deatwin.plant.effects.sizes import sizes_of, with_sizes
 from deatwin.plant.equations import STAGES, Equations
 from deatwin.plant.errors import ModelError, RigError
 from deatwin.plant.parameters import ParameterSet
@@ -307,9 +308,12 @@ class Plant:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data: rig, effects and all parameters with unit, bounds and source."""
+        own = _own_effects(self.rig, self.effects)
+        sizes = {e.name: sizes_of(e) for e in self.effects if type(e) is not type(own.get(e.name, e))}
         return {
             "rig": {"kind": self.rig.kind, **self.rig.to_dict()},
             "effects": [effect.entry for effect in self.effects],
+            **({"sizes": sizes} if sizes else {}),
             "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in self.parameters.values()},
         }
 
@@ -318,15 +322,19 @@ class Plant:
         """Make the plant from the `data` of `to_dict`; RigError if the rig, an effect or a parameter is unknown."""
         described = dict(data["rig"])
         rig = rig_kind(described.pop("kind")).from_dict(described)
-        own = {
-            effect.name: effect for effect in everywhere(rig.effects())
-        }  # The catalogue at the sizes of this rig, and the rig's own effects
-        effects = tuple(own[e] if isinstance(e, str) and e in own else effect_from(e) for e in data["effects"])
+        own, sizes = _own_effects(rig, data["effects"]), data.get("sizes", {})
+        effects = [own[e] if isinstance(e, str) and e in own else effect_from(e) for e in data["effects"]]
+        effects = [with_sizes(e, sizes[e.name]) if e.name in sizes else e for e in effects]
         try:
             values = {name: float(p["value"]) for name, p in data["parameters"].items()}
         except (TypeError, KeyError, ValueError) as error:
             raise RigError(f"malformed parameters: {error!r}; each needs a number under 'value'") from None
-        return cls(rig=rig, effects=effects, values=values)
+        return cls(rig=rig, effects=tuple(effects), values=values)
+
+
+def _own_effects(rig: Rig, asked: Sequence[object]) -> dict[str, Effect]:
+    """Return a rig's effects at all places, by name; nothing if no effect is `asked` for, because it takes a while."""
+    return {effect.name: effect for effect in everywhere(rig.effects())} if asked else {}
 
 
 def require_plant(plant: object, user: str) -> None:

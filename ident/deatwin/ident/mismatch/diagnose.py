@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -163,10 +164,12 @@ def diagnose(
     naming, verification, stands = first_that_stands(
         found, problem, for_verification, started=lambda text: tell(0.8, text)
     )
+    stages = naming.base.calibration.plant.stages  # the search may have taken more than the base plant
+    problem = replace(problem, nominal=replace(problem.nominal, stages=stages))
     part = None if stands or len(naming.candidates) == 1 else acting(naming, problem, for_rest)
     naming, verification = (naming, verification) if part is None else part
     keep(found_step("verify", verification if verification.ablations else None))
-    base = base.in_variant_of(naming.base).with_stages(max(plant.stages, naming.base.calibration.plant.stages))
+    base = base.in_variant_of(naming.base).with_stages(max(plant.stages, stages))
     naming, elsewhere = without_places(naming)
     verdict = _verdict(problem, checked, base, detection, naming, verification, stands, part is not None)
     doubted = verdict.has_causes and _contradicts_the_rig(naming.best, problem)

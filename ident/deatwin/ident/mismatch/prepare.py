@@ -98,7 +98,16 @@ def effects_for(rig: Rig, effects: Sequence[Effect] | None) -> Sequence[Effect]:
     if effects is None:
         return rig.effects()
     known = {type(effect) for effect in (*catalogue(), *machine_catalogue())}
-    return [rig.scaled(effect) if type(effect) in known else effect for effect in require_effects(effects)]
+    return [_scaled(effect, rig) if type(effect) in known else effect for effect in require_effects(effects)]
+
+
+def _scaled(effect: Effect, rig: Rig) -> Effect:
+    """Return an effect of the catalogue at the sizes of a rig; on a film rig, which has its units, values that differ
+    from the usual ones stay as they are.
+    """
+    usual = type(effect)()
+    own = {p.name: p.value for p in effect.describe() if p.value != getattr(usual, p.name)}
+    return replace(rig.scaled(effect), **own) if rig.sizes is None else rig.scaled(effect)
 
 
 def _problem_of(

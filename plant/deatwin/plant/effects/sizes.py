@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
 from numbers import Real
 from typing import Any, ClassVar
@@ -176,6 +176,23 @@ class _Similar(Effect):
     def __reduce__(self) -> tuple[Any, ...]:
         first = self.original.first if issubclass(self.original, Elsewhere) else self.original
         return _made, (first, self.placed_at, self.sizes, {f.name: getattr(self, f.name) for f in fields(self)})
+
+
+def sizes_of(effect: Effect) -> dict[str, Any]:
+    """Return the sizes to which an effect is scaled, without those that it shares with the diaphragm."""
+    if not isinstance(effect, _Similar):
+        return {}
+    own, usual = asdict(effect.sizes), asdict(Sizes())
+    return {name: value for name, value in own.items() if value != usual[name]}
+
+
+def with_sizes(effect: Effect, sizes: object) -> Effect:
+    """Return an effect at the sizes in a model file, as `sizes_of` writes them; RigError if they are malformed."""
+    usual = effect.original() if isinstance(effect, _Similar) else effect
+    try:
+        return Sizes(**sizes).of(usual) if sizes != {} else usual  # type: ignore[arg-type]
+    except TypeError as error:
+        raise RigError(f"malformed sizes: {error}") from None
 
 
 class _View:

@@ -13,11 +13,14 @@ from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.sizes import COMMAND, FORCE, MOTION, VOLTAGE, Sizes
 from deatwin.plant.rest import rest_state
 from deatwin.plant.rigs.base import Rig
+from deatwin.plant.structure import Structure
 
 FIELD, STRAIN = 75e6, 0.2
 """Largest usual field, V/m, that of the default diaphragm at 3 kV, and largest usual strain of a soft film."""
 SMALL = 0.01
 """Share of that field for which displacements are proportional to the voltage squared."""
+UNMOVED = 1e-6
+"""Displacement of no actuator, relative to the film's length, such as that of a film that is flat but for its weight."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,21 +58,26 @@ def stiffness(rig: Rig) -> float:
 
 
 def stroke(rig: Rig, film: Mounted) -> float:
-    """Return the usual displacement at the largest usual field, m; nan if there is no state of rest."""
+    """Return the usual displacement at the largest usual field, m; nan without a state of rest or without motion."""
     # For a small voltage, it is proportional to the voltage squared. A soft film would pull in before that field.
     plant, highest = rig.with_effects(), FIELD * film.thickness / film.gain
     rests = [rest_state(plant.equations, SMALL * command, plant.free_values) for command in (0.0, highest)]
     if not all(rest.found for rest in rests):
         return np.nan
     moved = abs(float(rests[1].x[0] - rests[0].x[0])) / SMALL**2
-    return min(moved, STRAIN * film.size)
+    return min(moved, STRAIN * film.size) if moved > UNMOVED * film.size else np.nan
 
 
 def scaled_to_film(effect: Effect, rig: Rig, film: Mounted) -> Effect:
     """Return an effect with its lengths, forces and commands in proportion to those of a film actuator."""
+    if rig.sizes is not None:  # stated by a kind of one's own
+        return rig.sizes.of(effect)
     described = [*effect.describe(), *(site.strength for site in effect.places.values())]
     units = {name for p in described if p is not None for name in re.findall("[A-Za-z]+", p.unit)}
-    sizes = None if units.isdisjoint(("m", "N", "V")) else _sizes(rig, film)
+    if units.isdisjoint(("m", "N", "V")):
+        return effect
+    base = rig.with_effects()
+    sizes = _sizes(Structure.of(rig, (), base.parameters, base.stages), film)
     return effect if sizes is None else sizes.of(effect)
 
 
@@ -79,10 +87,10 @@ def command_size(gain: float) -> float:
 
 
 @lru_cache(maxsize=64)
-def _sizes(rig: Rig, film: Mounted) -> Sizes | None:
-    """Return sizes of a rig's order of magnitude; None if they are those of the diaphragm."""
-    motion = stroke(rig, film) / MOTION
-    force = motion * stiffness(rig) * MOTION / FORCE
+def _sizes(base: Structure, film: Mounted) -> Sizes | None:
+    """Return sizes of the order of magnitude of a rig, given by its base plant; None if they are the diaphragm's."""
+    motion = stroke(base.rig, film) / MOTION
+    force = motion * stiffness(base.rig) * MOTION / FORCE
     sizes = Sizes(
         motion=MOTION * _order(motion), force=FORCE * _order(force), command=command_size(film.gain), voltage=VOLTAGE
     )

@@ -197,7 +197,7 @@ def _needed(source: str | None) -> Iterator[Plant]:
         yield from (plant, few)
         if isinstance(rig, Refinable):
             yield plant.with_rig(rig.finer())
-        known = tuple(effect for effect in rig.effects() if few.accepts(effect))
+        known = tuple(effect for effect in nominal.rig.effects() if few.accepts(effect))
         yield from (few.with_effects(effect) for effect in (*known, *elsewhere(few, known, {Alone.TOLD})))
 
 

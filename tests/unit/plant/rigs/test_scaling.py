@@ -1,6 +1,7 @@
 """Forces and commands of effects in proportion to those that move a rig."""
 
-from dataclasses import replace
+import json
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -17,8 +18,11 @@ from deatwin.plant import (
     Planar,
     Plant,
     Pressure,
+    RigError,
     Roll,
+    Sizes,
     Stack,
+    effect_named,
 )
 from deatwin.plant.effects.places import everywhere
 from deatwin.plant.effects.sizes import FORCE
@@ -86,6 +90,65 @@ def test_a_saved_plant_keeps_its_scaled_effects():
     plant = rig.with_effects(*(effect for effect in everywhere(rig.effects()) if effect.name in names))
     again = Plant.from_dict(plant.to_dict())
     assert [again.parameters[name] for name in plant.parameters] == list(plant.parameters.values())
+
+
+@pytest.mark.parametrize("rig", [Cone(), Roll(), Planar(), Stack(gain=1.0)], ids=lambda rig: rig.kind)
+def test_a_saved_plant_keeps_effects_of_the_catalogue_that_the_user_added(rig):
+    """A strength within the catalogue's range may be out of the rig's, and other sizes change the equations."""
+    for name in ("coulomb_friction", "end_stop", "hysteresis", "amplifier_offset"):
+        plant = rig.with_effects(effect_named(name))
+        again = Plant.from_dict(json.loads(json.dumps(plant.to_dict())))
+        assert again.effects == plant.effects
+        assert list(again.parameters.values()) == list(plant.parameters.values())
+
+
+def test_a_saved_plant_keeps_effects_at_the_sizes_of_another_variant_of_its_rig():
+    large = next(effect for effect in Cone(thickness=5e-6).effects() if effect.name == "hysteresis")
+    plant = Cone().with_effects(large).with_values({"hysteresis.distance": 5e-3})
+    again = Plant.from_dict(plant.to_dict())
+    assert list(again.parameters.values()) == list(plant.parameters.values())
+
+
+@pytest.mark.parametrize("sizes", [{"motion": -1.0}, {"travel": 1.0}, 3.0, None])
+def test_malformed_sizes_in_a_file_are_an_error(sizes):
+    data = Stack().with_effects(effect_named("hysteresis")).to_dict() | {"sizes": {"hysteresis": sizes}}
+    with pytest.raises(RigError, match="sizes"):
+        Plant.from_dict(data)
+
+
+def test_a_file_names_the_effects_of_a_rig():
+    rig = Stack()
+    friction = next(effect for effect in rig.effects() if effect.name == "coulomb_friction")
+    data = rig.with_effects(friction).to_dict()
+    assert data["effects"] == ["coulomb_friction"] and "sizes" not in data
+
+
+@pytest.mark.parametrize(
+    "rig", [Pressure(pressure=0.0), Pressure(pressure=1e-3), Cone(mass=0.0)], ids=lambda rig: rig.kind
+)
+def test_a_flat_film_without_a_load_does_not_move_and_leaves_the_effects_as_they_are(rig):
+    """Its force along the motion vanishes by symmetry, and only rounding moves it."""
+    usual = {effect.name: effect for effect in Diaphragm().effects()}
+    assert all(effect == usual[effect.name] for effect in rig.effects())
+
+
+def test_a_kind_of_ones_own_states_its_sizes():
+    @dataclass(frozen=True, kw_only=True)
+    class Mine(Cone):
+        kind = "mine"
+        sizes = Sizes(force=9.0)
+
+    friction = next(effect for effect in Mine().effects() if effect.name == "coulomb_friction")
+    assert friction.force == pytest.approx(1000 * CoulombFriction().force)
+
+
+def test_a_kind_of_ones_own_may_have_a_field_that_has_no_hash():
+    @dataclass(frozen=True, kw_only=True)
+    class Mine(Stack):
+        kind = "mine"
+        notes: list = field(default_factory=list)
+
+    assert Mine().effects() == Stack().effects()
 
 
 @pytest.mark.parametrize("rig", [Diaphragm, Cone, Planar, BlockedPlanar], ids=lambda rig: rig.kind)

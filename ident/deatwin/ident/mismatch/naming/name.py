@@ -98,11 +98,11 @@ def explanations(
 
     search = Search(problem, base, known, fitted)
     stage = search.beside((), partial(tell, 0))
-    if (stages := search.stages_for(stage)) > problem.nominal.stages:
+    if stages := search.stages_for(stage):
         base, *alternatives = (variant.with_stages(stages) for variant in (base, *alternatives))
         problem = replace(problem, nominal=replace(problem.nominal, stages=stages))
         search = Search(problem, base, known, fitted)
-        stage = search.beside((), partial(tell, 0))
+        stage = search.beside((), lambda share: tell(0, 1.0))  # a share that is told does not fall
     search.judge_by_the_best(stage)
     naming = decided(search, stage)
     own = taken = search, stage, naming

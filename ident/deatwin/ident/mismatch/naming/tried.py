@@ -117,13 +117,17 @@ class Tried:
             self.tried[names] = self.tried[names].with_floor(error)
 
     def stages_for(self, stage: Sequence[Names]) -> int:
-        """Return how many stages the rig needs with the fitted values of the best set of a `stage`."""
+        """Return how many stages the rig needs with the fitted values of the best set of a `stage`; 0 if it is enough
+        to have those of the search.
+        """
         # Friction that is missing is imitated by damping, and a plant that is damped too much seems to need few stages.
         # An effect with kinks needs more than the rig, but cannot be followed exactly with any number of them.
         best = self.best_of(stage)
         if best is None:
-            return self.problem.nominal.stages
-        return stages_for(self.plant_of(best, ()), [part.experiment for part in self.problem.of_first.fitted])[0]
+            return 0
+        plant, parts = self.plant_of(best, ()), self.problem.of_first.fitted
+        stages, _ = stages_for(plant, [part.experiment for part in parts])
+        return stages if stages > plant.stages else 0
 
     def takes_most(self, names: Names) -> bool:
         """Return whether the set `names` removes most of the residual's power beyond noise."""

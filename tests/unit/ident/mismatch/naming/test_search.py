@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from deatwin.ident.mismatch.naming import name
 from deatwin.plant import Creep, Delay, ElectrodeLoss, SensorJump, ThermalStiffness
 
 
@@ -304,3 +305,37 @@ def test_what_promises_more_from_before_an_event_is_what_an_effect_promises(cand
         assert search._leads(names, [jump, creep]) == (seen, slow)
         assert search._leads(names, [creep]) == (slow,)  # no event is looked for where none is asked for
     assert asked == [((),), (("delay",),)]
+
+
+def test_the_share_that_is_told_does_not_fall_if_a_search_begins_again_with_more_stages(monkeypatch):
+    begun, told = [], []
+
+    class Begun:
+        def __init__(self, problem, base, known, fitted):
+            begun.append((problem.nominal.stages, base))
+
+        def beside(self, names, finished):
+            for share in (0.5, 1.0):
+                finished(share)
+            return [("creep",)]
+
+        def stages_for(self, stage):
+            return 8
+
+        def judge_by_the_best(self, stage):
+            raise LookupError  # the rest of the search is not of interest
+
+    @dataclass
+    class Nominal:
+        stages: int = 4
+
+    @dataclass
+    class Problem:
+        nominal: Nominal
+
+    monkeypatch.setattr(name, "Search", Begun)
+    base = SimpleNamespace(with_stages=lambda stages: f"base with {stages}")
+    with pytest.raises(LookupError):
+        next(name.explanations(Problem(Nominal()), base, [], finished=told.append))
+    assert begun == [(4, base), (8, "base with 8")]
+    assert told == sorted(told) and told[1] == pytest.approx(1 / 3)
