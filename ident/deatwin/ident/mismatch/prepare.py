@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -105,9 +105,11 @@ def _scaled(effect: Effect, rig: Rig) -> Effect:
     """Return an effect of the catalogue at the sizes of a rig; on a film rig, which has its units, values that differ
     from the usual ones stay as they are.
     """
+    if rig.sizes is not None:
+        return rig.scaled(effect)
     usual = type(effect)()
-    own = {p.name: p.value for p in effect.describe() if p.value != getattr(usual, p.name)}
-    return replace(rig.scaled(effect), **own) if rig.sizes is None else rig.scaled(effect)
+    values = {f.name: getattr(effect, f.name) for f in fields(effect)}
+    return replace(rig.scaled(usual), **{name: v for name, v in values.items() if v != getattr(usual, name)})
 
 
 def _problem_of(

@@ -25,6 +25,7 @@ from deatwin.plant import (
     Recording,
     RigError,
     SensorDrift,
+    Stack,
 )
 from deatwin.plant.excitation import band_limited_noise
 
@@ -111,6 +112,13 @@ def test_effects_that_are_passed_speak_of_the_rig_and_a_users_own_stay_as_they_a
     assert kept is own
     assert effects_for(Motor(), [friction])[0] is friction
     assert list(effects_for(Diaphragm(), given)) == given
+
+
+def test_a_value_that_a_user_gives_an_effect_of_a_film_rig_stays():
+    """A film rig has the units of the catalogue, so 50 mN are 50 mN, although a stack's usual friction is 0.7 N."""
+    usual, given = effects_for(Stack(), [CoulombFriction(), CoulombFriction(force=0.05)])
+    assert (usual.force, given.force) == pytest.approx((0.7, 0.05))
+    assert given.slip == usual.slip and given.described("force").upper == usual.described("force").upper
 
 
 @COMPILED
