@@ -70,9 +70,9 @@ def diagnose(
         Experiments and single recordings, each of which starts from rest. Put recordings that follow each other on the
         same clock into one experiment.
     effects : sequence of Effect, optional
-        Effects that may be missing; by default the whole catalogue. If the rig states its typical quantities
-        (`Rig.sizes`), the typical strengths of catalogue effects are adapted to them. Effects that the rig does not
-        accept are skipped.
+        Effects that may be missing; by default the whole catalogue. Effects of the catalogue take the usual values and
+        ranges of the rig (`Rig.scaled`); on a film rig, values that differ from the catalogue's stay as they are.
+        Effects that the rig does not accept are skipped.
     jobs : int
         Number of worker processes; -1 takes all cores.
     seed : int
