@@ -25,17 +25,7 @@ ROLE = re.compile(r":math:`([^`]+)`")
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Put MathML where pymdownx.arithmatex has left LaTeX.
-
-    Parameters
-    ----------
-    content : str
-        HTML of a page's content.
-
-    Returns
-    -------
-    str
-    """
+    """Put MathML where pymdownx.arithmatex has left LaTeX."""
     content = BLOCK.sub(lambda found: f'<div class="equation">{_mathml(found[1], "block")}</div>', content)
     return INLINE.sub(lambda found: _mathml(found[1], "inline"), content)
 

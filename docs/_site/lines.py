@@ -19,17 +19,7 @@ LONGEST_NAME = 24
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Mark the places in the text at which no line may break.
-
-    Parameters
-    ----------
-    content : str
-        HTML of a page's content.
-
-    Returns
-    -------
-    str
-    """
+    """Mark the places in the text at which no line may break."""
     return PARTS.sub(lambda found: _whole(found[0]), content)
 
 
@@ -38,6 +28,6 @@ def _whole(part: str) -> str:
         long = sum(map(len, TEXT.findall(part))) > LONGEST_NAME
         part = TEXT.sub(lambda found: whole_options(found[0]), part)
         return part.replace("<code>", '<code class="long">', 1) if long else part
-    return (
-        part if part.startswith("<") else PATH.sub(lambda found: found[0].replace("/", "/<wbr>"), kept_together(part))
-    )
+    if part.startswith("<"):
+        return part
+    return PATH.sub(lambda found: found[0].replace("/", "/<wbr>"), kept_together(part))

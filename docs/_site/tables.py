@@ -18,17 +18,7 @@ NARROW = 2
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Label the cells of each table that has more than two columns.
-
-    Parameters
-    ----------
-    content : str
-        HTML of a page's content.
-
-    Returns
-    -------
-    str
-    """
+    """Label the cells of each table that has more than two columns."""
     return TABLE.sub(lambda found: _labelled(found[0]), content)
 
 

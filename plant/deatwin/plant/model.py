@@ -83,9 +83,12 @@ class Plant:
                 raise RigError(f"the plant has the effect {one.name} twice; an effect can be in a plant only once")
         instance(Mapping, hint=" from names to numbers", error=RigError)(self.values, "values")
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
-        for effect in self.effects:
-            self._require_in_range(effect)
-        self.parameters  # noqa: B018  (checks names and ranges)
+        try:
+            self.parameters  # noqa: B018  (checks names and ranges)
+        except RigError:
+            for effect in self.effects:
+                self._require_in_range(effect)
+            raise
 
     def _require_in_range(self, effect: Effect) -> None:
         """Raise RigError if an effect is out of range; say if the range is that of another rig."""

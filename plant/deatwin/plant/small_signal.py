@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.plant.branch import branch_step
+from deatwin.plant.copies import Frozen
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import DataError
 from deatwin.plant.integrator.collocation import radau
@@ -22,7 +23,7 @@ nothing: rounding leaves some 1e-15, and each equation has a scale of its own.""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SmallSignal:
+class SmallSignal(Frozen):
     """Deviations from rest by samples: x_{k+1} = A x_k + sum_l B_l u_{k-l}, y_k = C x_k + sum_l D_l u_{k-l}."""
 
     a: np.ndarray  # shape (n_x, n_x): Dynamics of the states, each in units of its typical size
@@ -31,10 +32,6 @@ class SmallSignal:
     d: np.ndarray  # shape (1 + history,): Reading by command, SI per unit of the command
     reading: float  # Reading at rest, SI
     static_gain: float
-
-    def __post_init__(self) -> None:
-        for name in ("a", "b", "c", "d"):
-            getattr(self, name).setflags(write=False)
 
 
 def small_signals(

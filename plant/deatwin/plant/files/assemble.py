@@ -20,6 +20,8 @@ from deatwin.plant.files.formats.description import all_provenance
 from deatwin.plant.files.formats.table import Signal, Table, Timing
 from deatwin.plant.files.formats.tdms import STARTED
 from deatwin.plant.files.timecolumns import (
+    counts_by_one,
+    is_count,
     no_times,
     require_unit,
     time_column,
@@ -46,7 +48,6 @@ _RUN = re.compile(
     r"(?i)(?<![^\W_])(trial|run|segment|sweep|shot|repeat|repetition|experiment|versuch|messung|lauf)s?(?![^\W\d_])"
 )
 """Names of a column with the number of the run to which a row belongs."""
-_DIGITS = 20  # Largest number of digits of a counter
 _COUNTED = 0.9  # Share of steps by 1 from which a column counts the rows
 _SLOW = 0.5  # Step, s, above which times without a unit may be in another one
 
@@ -457,14 +458,14 @@ def _against_even_rows(table: Table, used: Sequence[int]) -> str:
     """Describe a column by which the rows do not follow each other evenly: a broken count of them, or several runs."""
     for column in sorted(set(range(len(table.names))).difference(used)):
         first = list(islice(table.texts(column), 2))
-        if not (_RUN.search(table.names[column]) or (len(first) == 2 and _counts_on(*first))):
+        if not (_RUN.search(table.names[column]) or counts_by_one(first)):
             continue  # it need not be read to its end
         cells = list(table.texts(column))
         changes = [k for k, (before, after) in enumerate(pairwise(cells), 1) if after != before]
         blocks = 0 < len(changes) < len(cells) / _FEW_RUNS and len(set(cells)) == len(changes) + 1
         if blocks and _RUN.search(table.names[column]):
             k, said = changes[0], "if another run begins there, give each run a file of its own"
-        elif all(map(_is_count, cells)) and (k := _break_of(list(map(int, cells)))):
+        elif all(map(is_count, cells)) and (k := _break_of(list(map(int, cells)))):
             again = int(cells[k]) <= int(cells[0])
             said = "if another run begins there, give each run a file of its own"
             said = said if again else "if samples are missing or repeated there, write the time of each row in a column"
@@ -475,16 +476,6 @@ def _against_even_rows(table: Table, used: Sequence[int]) -> str:
             f"{clipped(cells[k - 1])} to {clipped(cells[k])} in row {table.row(k)}; {said}"
         )
     return ""
-
-
-def _is_count(cell: str) -> bool:
-    """Return whether a cell holds a number that a counter can hold."""
-    return cell.isdecimal() and len(cell) <= _DIGITS
-
-
-def _counts_on(before: str, after: str) -> bool:
-    """Return whether a cell counts on from the one before."""
-    return _is_count(before) and _is_count(after) and int(after) - int(before) == 1
 
 
 def _break_of(counts: Sequence[int]) -> int:

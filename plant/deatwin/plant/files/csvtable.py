@@ -54,9 +54,8 @@ _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
 )  # Mark between thousands that no decimal sign can be
 _DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a minus sign
-_GUARDED = re.compile(
-    r'(?m)(^|[,;|\t])="([^"\n]*)"(?=[,;|\t]|$)'
-)  # Text that a program keeps from a spreadsheet's guesses
+_GUARDED = re.compile(r'(?m)(^|[,;|\t])="([^"\n]*)"(?=[,;|\t]|$)')
+"""Text that a program keeps from a spreadsheet's guesses."""
 _SIGN_APART = re.compile(r'(?<=[,;|\t"])([-+]) +(?=[\d.])')  # Sign of a number that a logger aligns at the right
 _UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")

@@ -429,11 +429,8 @@ def _no_layout(lines: list[str], rows: Sequence[int], delimiter: str, path: str)
                 return DataError(f"{path}, row {rows[place[0]]}: {formula(place[1])}")
             row = next((k for k in range(1, len(cells)) if len(cells[k]) == max(map(len, cells))), 0)
             first = next((cell for cell in cells[row] if kind_of_cell(cell) not in ("", "date")), "")
-            found = (
-                f', and in row {rows[row]} "{clipped(first, 40)}" is not a number{advice_for(first) if re.search("[0-9]", first) else ""}'
-                if row and first
-                else ""
-            )
+            advice = advice_for(first) if re.search("[0-9]", first) else ""
+            found = f', and in row {rows[row]} "{clipped(first, 40)}" is not a number{advice}' if row and first else ""
             return DataError(
                 f"{path}: the file has a header but no samples: no row holds numbers{found}"
                 if row

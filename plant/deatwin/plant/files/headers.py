@@ -56,9 +56,8 @@ _OTHER_QUANTITY = frozenset(
 _GLUED = re.compile(rf"((?i:ch|chan|channel)[ _]?\d{{1,2}})({_NO_WORD}|V|A)")  # CH1mV, as oscilloscopes write it
 _ELEMENT = re.compile(r"(.+?)(\((?::,\d+|\d+,:)\))")  # Column or row of a matrix of MATLAB: y_mm(:,2)
 _MULTIPLE = re.compile(r"\d[\d.,]*\s*(\D.*)")  # Several of a unit: 1000 V
-_PEAK = re.compile(
-    rf"(?:{_NO_WORD}|V|A)(?:pp|pk|p|ss|rms|RMS|eff)"
-)  # Unit of an amplitude, which is no unit of a sample
+_PEAK = re.compile(rf"(?:{_NO_WORD}|V|A)(?:pp|pk|p|ss|rms|RMS|eff)")
+"""Unit of an amplitude, which is no unit of a sample."""
 _APART = re.compile(rf"((?:.*\s)?{_CHANNEL})(?:\s+|\s*[-–@.|:]\s*)({_NO_WORD})")
 """Header with a unit behind a blank or another mark."""
 _BEFORE = re.compile(r"(\[[^\[\]]*\]|\([^()]{2,}\))\s*([^\W\d_][^()\[\]]*)")

@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -29,6 +30,7 @@ _STAMP_NAMES = (
 )
 _CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0), (2447892.0, 2488070.0))
 """Days from 1990 to 2100, counted from 1900, from 0, and as Julian dates."""
+_DIGITS = 20  # Largest number of digits of a counter
 _SHORT = 1e-4  # Step below which times in s may be days, in which it is less than nine seconds
 _ROUNDED = 1e-6  # Relative error of a step from times with too few digits
 _ONE_NUMBER = re.compile(r"(?i)(.*[^a-z])?hhmmss([^a-z].*)?")  # Header of times of day that are one number
@@ -165,8 +167,17 @@ def numbers_rows(table: Table, column: int) -> bool:
     """Return whether a column without a name of times counts the rows, so that it tells nothing of the sample time."""
     if table.units[column] or LIKE_TIMES.search(table.names[column]):
         return False
-    cells = list(table.texts(column))
-    return all(map(str.isdecimal, cells)) and {int(b) - int(a) for a, b in pairwise(cells)} == {1}
+    return counts_by_one(list(table.texts(column)))
+
+
+def is_count(cell: str) -> bool:
+    """Return whether a cell holds a number that a counter can hold."""
+    return cell.isdecimal() and len(cell) <= _DIGITS
+
+
+def counts_by_one(cells: Sequence[str]) -> bool:
+    """Return whether each cell counts on from the one before."""
+    return all(map(is_count, cells)) and {int(after) - int(before) for before, after in pairwise(cells)} == {1}
 
 
 def times_options(table: Table, column: int, unit: str = "", step: float | None = None) -> ReadOptions:
@@ -271,9 +282,8 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
         counted = "; if the column counts the samples, state the sample time: --dt SECONDS" if rows else ""
         like = options.get(said.lower(), NO_OPTIONS)  # only capitals differ; any other unit is the user's to state
         state = f"state one, such as {like or options['s']}"
-        state = (
-            f"convert the times to one, then state it: {options['s']}" if re.search(r"\d", said) else state
-        )  # 0.1 ms
+        if re.search(r"\d", said):  # 0.1 ms
+            state = f"convert the times to one, then state it: {options['s']}"
         raise DataError(
             f'{place} are said to be in "{clipped(said)}", which is not a known unit of time; {state} '
             f"(known are {', '.join(TIME_UNITS)}){counted}",

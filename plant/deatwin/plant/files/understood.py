@@ -4,7 +4,6 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 
 from deatwin.plant.errors import DataError
@@ -12,7 +11,7 @@ from deatwin.plant.files.columns import alike, chosen_columns, data_columns, ext
 from deatwin.plant.files.dates import is_date
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import recordings_of_table, table_of_file
-from deatwin.plant.files.timecolumns import likely_times, numbers_rows, time_column
+from deatwin.plant.files.timecolumns import counts_by_one, likely_times, numbers_rows, time_column
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.files.wanted import split_stated, with_stated_units
 from deatwin.plant.readings import Reading
@@ -197,9 +196,7 @@ def _mostly_numbers(table: Table, column: int) -> bool:
 def _counts(table: Table, column: int) -> bool:
     """Return whether a column is constant or numbers the rows, so that it is no signal."""
     cells = list(table.texts(column))
-    if len(set(cells)) == 1 or not all(map(str.isdecimal, cells)):
-        return len(set(cells)) == 1
-    return {int(after) - int(before) for before, after in pairwise(cells)} == {1}
+    return len(set(cells)) == 1 or counts_by_one(cells)
 
 
 def _rank(table: Table, column: int, words: tuple[str, ...]) -> int:

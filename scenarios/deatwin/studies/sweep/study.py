@@ -99,8 +99,9 @@ def run_study(
     Raises
     ------
     DataError
-        If `folder` is not a path or `settings` not a mapping; if the folder contains a study with another function, seed, settings, version or code; if `work` is not a
-        function as described; or if two cases are equal or a case contains other values than those described.
+        If `folder` is not a path or `settings` not a mapping; if the folder contains a study with another function,
+        seed, settings, version or code; if `work` is not a function as described; or if two cases are equal or a case
+        contains other values than those described.
     ModelError
         If `seed` is not an integer of at least 0.
     KeyboardInterrupt

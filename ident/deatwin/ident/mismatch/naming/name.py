@@ -98,7 +98,7 @@ def explanations(
 
     search = Search(problem, base, known, fitted)
     stage = search.beside((), partial(tell, 0))
-    if stages := search.stages_for(stage):
+    if stages := search.more_stages(stage):
         base, *alternatives = (variant.with_stages(stages) for variant in (base, *alternatives))
         problem = replace(problem, nominal=replace(problem.nominal, stages=stages))
         search = Search(problem, base, known, fitted)

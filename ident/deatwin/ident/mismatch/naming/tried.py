@@ -116,7 +116,7 @@ class Tried:
         for names in stage:
             self.tried[names] = self.tried[names].with_floor(error)
 
-    def stages_for(self, stage: Sequence[Names]) -> int:
+    def more_stages(self, stage: Sequence[Names]) -> int:
         """Return how many stages the rig needs with the fitted values of the best set of a `stage`; 0 if it is enough
         to have those of the search.
         """

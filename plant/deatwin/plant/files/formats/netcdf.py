@@ -1,7 +1,8 @@
 """NetCDF files, by xarray: version 4 through h5netcdf, version 3 through SciPy.
 
-The variables along one dimension, of all groups, are the columns, as are the rows of one with a few trials, ``u(1,:)``; an attribute such as ``units`` names the unit. The clock starts at
-the date of a coordinate that counts ``seconds since`` it (https://cfconventions.org, section 4.4).
+The variables along one dimension, of all groups, are the columns, as are the rows of one with a few trials,
+``u(1,:)``; an attribute such as ``units`` names the unit. The clock starts at the date of a coordinate that counts
+``seconds since`` it (https://cfconventions.org, section 4.4).
 """
 
 import hashlib

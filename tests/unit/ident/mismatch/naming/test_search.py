@@ -319,7 +319,7 @@ def test_the_share_that_is_told_does_not_fall_if_a_search_begins_again_with_more
                 finished(share)
             return [("creep",)]
 
-        def stages_for(self, stage):
+        def more_stages(self, stage):
             return 8
 
         def judge_by_the_best(self, stage):
