@@ -240,7 +240,7 @@ def _file(plant: Plant, experiment: Experiment) -> Path:
     """Return the file of a cached result, named after everything on which the result depends."""
     rig = {name: value for name, value in plant.rig.to_dict().items() if name not in ("noise", "model_error")}
     content = plant.to_dict() | {"kind": plant.rig.kind, "rig": rig, "deatwin": version("deatwin"), "schema": SCHEMA}
-    content["stages"] = plant.stages
+    content |= {"stages": plant.stages, "steps": plant.steps}
     timeline = plant.timeline(experiment)
     seen = {name: timeline.channels[name] for name in plant.equations.channels if name in timeline.channels}
     digest = hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode())

@@ -1,9 +1,11 @@
-"""The number of stages that follow a plant within one sample: modes faster than the samples need more than usual."""
+"""The number of steps that follow a plant within one sample: modes faster than the samples need more than one, and so
+does friction that reverses within samples.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import casadi as ca
@@ -23,55 +25,84 @@ logger = logging.getLogger(__name__)
 SLOW = 1e-5  # Error of a mode after one sample, relative to its amplitude, below which no reading is compared
 FINER, FINEST = 16, 64  # Least and largest number of steps per sample of the simulation that readings are compared with
 EXACT = 1e-3  # Error of a mode in that simulation, relative to its amplitude, above which it takes more steps
-MORE, MOST = 2, 11  # Stages that are added at a time, and their largest number
+MORE, MOST = 2, 9
+"""Stages that are added at each doubling if a reading comes late, because it is stored over its sample as a polynomial
+with as many coefficients as there are stages; and their largest number, because the coefficients follow from a Hilbert
+matrix, whose condition number is 5e11 with nine and 5e14 with eleven."""
 UNSEEN = 1.0
 """Largest sum of the squared errors of the readings, in units of the noise; a log-likelihood then changes by one nat
 (standard deviation)."""
-WORTH = 0.1  # Share of the error that more stages must leave at most if they do not suffice, because they take longer
+WORTH = 0.1
+"""Share of the error's power that more steps must leave at most if they do not suffice, because they take longer."""
 FINE = 1e-6  # Least noise that counts, relative to the range of the readings, because a rig may state none
 
 
 def resolved(plant: Plant, experiments: Sequence[Experiment]) -> Plant:
-    """Return a plant with as many stages as its first reading needs, and warn if no number is large enough."""
-    stages, error = stages_for(plant, experiments)
-    if error > 0.0:
+    """Return a plant with as many steps as its first reading needs; warn if an error larger than the noise remains."""
+    followed, error = followed_plant(plant, experiments)
+    if error > plant.rig.noise:
         logger.warning(
             "the %s is simulated with an error of up to %s after steps of the command, because the plant moves faster "
             "than its samples; with a shorter sample time the error is smaller",
             plant.rig.output_name,
             with_unit(error, plant.rig.output_unit),
         )
-    return plant if stages == plant.stages else replace(plant, stages=stages)
+    return followed
 
 
-def stages_for(plant: Plant, experiments: Sequence[Experiment]) -> tuple[int, float]:
-    """Return how many stages the first reading needs, and 0; or the best number and its largest error, SI."""
+def solved_like(plant: Plant, other: Plant) -> Plant:
+    """Return a plant that is integrated with as many stages and steps as another."""
+    return replace(plant, stages=other.stages, steps=other.steps)
+
+
+def followed_plant(plant: Plant, experiments: Sequence[Experiment], hidden: float = 0.0) -> tuple[Plant, float]:
+    """Return a plant with as many steps as its first reading needs, and 0; or with the best number, and its largest
+    error, SI. An rms error that is `hidden` by others, SI, needs no more steps.
+    """
     if not plant.rig.equations_known:
-        return plant.stages, 0.0
-    modes, steps = free_modes(plant), FINER
-    if mode_error(modes, plant.stages) < SLOW:
-        return plant.stages, 0.0
+        return plant, 0.0
+    modes = free_modes(plant)
+    fast = mode_error(modes, plant.stages, plant.steps) >= SLOW
+    if not (fast or plant.effects):
+        return plant, 0.0
+    tried = [plant, *_finer(plant, MORE if fast and plant.equations.shifts else 0)]
+    # Two numbers of steps agree only if no mode is too fast for both of them.
+    exact = _readings(_exact(tried[-1], modes) if fast else tried[min(1, len(tried) - 1)], experiments)
+    errors: list[np.ndarray] = []
+    for finer in tried:
+        found = _readings(finer, experiments)
+        if exact is None or found is None:
+            break
+        noise = max(plant.rig.noise, FINE * float(np.ptp(exact)), np.finfo(float).tiny)
+        if np.sum((found - exact) ** 2) <= max(UNSEEN * noise**2, found.size * hidden**2):
+            return finer, 0.0
+        if not errors and not fast:  # friction reverses within samples
+            exact = _readings(_exact(tried[-1], modes), experiments)
+            if exact is None:
+                break
+        errors.append(found - exact)
+    if not errors:
+        return plant, 0.0
+    powers = [float(np.sum(error**2)) for error in errors]
+    best = int(np.argmin(powers))
+    kept = best if powers[best] <= WORTH * powers[0] else 0
+    return tried[kept], float(np.abs(errors[kept]).max())
+
+
+def _finer(plant: Plant, more: int) -> Iterator[Plant]:
+    """Yield a plant with doubled numbers of steps, each time with some more stages."""
+    for steps in (2, 4, 8):
+        if steps > plant.steps:
+            stages = plant.stages + more * round(np.log2(steps / plant.steps))
+            yield replace(plant, steps=steps, stages=max(plant.stages, min(stages, MOST)))
+
+
+def _exact(plant: Plant, modes: np.ndarray) -> Plant:
+    """Return a plant with so many steps that its readings count as exact beside those with fewer."""
+    steps = max(FINER, 2 * plant.steps)
     while steps < FINEST and mode_error(modes, plant.stages, steps) > EXACT:
         steps *= 2
-    # A reading that comes late is stored over its sample as a polynomial with as many coefficients as there are stages.
-    finest = replace(plant, stages=plant.stages + MORE) if plant.equations.shifts else plant
-    exact = _readings(finest, experiments, steps)
-    if exact is None:
-        return plant.stages, 0.0
-    noise = max(plant.rig.noise, FINE * float(np.ptp(exact)), np.finfo(float).tiny)
-    errors: dict[int, float] = {}
-    for stages in range(plant.stages, MOST + 1, MORE):
-        found = _readings(replace(plant, stages=stages), experiments)
-        if found is None:
-            break
-        if np.sum(((found - exact) / noise) ** 2) <= UNSEEN:
-            return stages, 0.0
-        errors[stages] = float(np.abs(found - exact).max())
-    if not errors:
-        return plant.stages, 0.0
-    best = min(errors, key=errors.__getitem__)
-    kept = best if errors[best] <= WORTH * errors[plant.stages] else plant.stages
-    return kept, errors[kept]
+    return replace(plant, steps=steps)
 
 
 def mode_error(modes: np.ndarray, stages: int, steps: int = 1) -> float:
@@ -109,13 +140,13 @@ def free_modes(plant: Plant) -> np.ndarray:
         return np.empty(0)
 
 
-def _readings(plant: Plant, experiments: Sequence[Experiment], steps: int = 1) -> np.ndarray | None:
-    """Return the first reading in all experiments, (n,), with each sample in some steps; None if a simulation fails."""
-    runner, found = plant.rig.runner(plant.simulator.in_steps(steps), plant.parameters), []
+def _readings(plant: Plant, experiments: Sequence[Experiment]) -> np.ndarray | None:
+    """Return the first reading in all experiments, (n,); None if a simulation fails."""
+    found: list[np.ndarray] = []
     try:
         for experiment in experiments:
             timeline = plant.timeline(experiment_for(plant.rig, experiment))
-            run = runner.run(**plant.given(timeline))
+            run = plant.runner.run(**plant.given(timeline))
             found += [rows[0] for rows in Simulation.of(run, timeline, plant.signals, plant.rig).outputs]
     except DeatwinError:
         return None

@@ -21,12 +21,13 @@ class Sample:
     sample_time: float  # s
     values: np.ndarray  # shape (n_p,): Free parameters, SI
     constants: np.ndarray  # shape (n_c,): Constants of the equations, SI
+    steps: int = 1  # Number of steps if these can be solved
 
     def __call__(
         self, x: Any, z: Any, held: np.ndarray, inputs: np.ndarray, time: float
     ) -> tuple[ca.DM, ca.DM, float] | None:
         """Return states, coordinates and reading at the sample's end; None if unsolved. `x, z` (n_x,); `held`."""
-        tried = (self._in_steps(x, z, held, inputs, time, n) for n in (1, *SHORTER_STEPS))
+        tried = (self._in_steps(x, z, held, inputs, time, n) for n in (self.steps, *SHORTER_STEPS))
         return next((found for found in tried if found is not None), None)
 
     def _in_steps(

@@ -94,7 +94,7 @@ class Runner(Protocol):
 class Simulator:
     """A plant's equations, prepared for simulation."""
 
-    steps = 1  # Number of implicit steps in which a plain run takes each sample
+    steps = 1  # Number of implicit steps in which a run takes each sample
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
@@ -116,7 +116,9 @@ class Simulator:
         return other
 
     def in_steps(self, count: int) -> Simulator:
-        """Return the simulator whose plain runs take each sample in several steps, under the same inputs."""
+        """Return the simulator that takes each sample in several steps, under the same inputs."""
+        if count == self.steps:
+            return self
         other = copy(self)
         other.steps = count
         return other
@@ -138,7 +140,7 @@ class Simulator:
         x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants
         taken, parts = 0, np.repeat(inputs, self.steps, axis=1)
         for found in marched(march, 2, parts, given["start"], sample_time / self.steps):
-            ends = slice(self.steps - 1 - taken % self.steps, None, self.steps)
+            ends = self._ends(taken)
             taken += len(found[0])
             after_x, after_z, y, w = (rows[ends] for rows in found)
             outputs.append(y)
@@ -173,18 +175,24 @@ class Simulator:
         x, z, dx, dd, d, *_, p, c = march.arguments
         x[:], z[:], dx[:], d[:], p[:], c[:] = rest.x, rest.z, rest.x_p.T, rest.d, values, self.equations.constants
         dd[:] = np.tile(rest.d_p.T, (CHUNK, 1))
-        done = 0
+        taken, parts = 0, np.repeat(inputs, self.steps, axis=1)
         path = np.empty((len(self.equations.scale), 0))
-        for after_x, after_z, *_, y, dy in marched(march, 3, inputs, given["start"], sample_time):
-            outputs.append(y)
-            slopes.append(dy.reshape(len(y), values.size, y.shape[1]))
+        for after_x, after_z, *_, y, dy in marched(march, 3, parts, given["start"], sample_time / self.steps):
+            ends = self._ends(taken)
+            taken += len(y)
+            outputs.append(y[ends])
+            slopes.append(dy.reshape(len(y), values.size, y.shape[1])[ends])
             path = np.vstack([after_x.T, after_z.T]) if len(y) > 1 else path
-            done += len(y)
+        done = taken // self.steps
         status, fault = self._end(rest, commands[done:], path, inputs[:, done:], given)
         by_values, rows = np.concatenate(slopes), np.vstack(outputs)[:, 1:]
         run = _run(status, [y[:, 0] for y in outputs], by_values[:, :, 0], None, fault)
         changes = combined_slopes(rows, by_values[:, :, 1:].swapaxes(1, 2), sample_time)
         return replace(run, further=combined(rows, sample_time), further_slopes=changes)
+
+    def _ends(self, taken: int) -> slice:
+        """Return which of the next steps end a sample, after some that were taken."""
+        return slice(self.steps - 1 - taken % self.steps, None, self.steps)
 
     def stepper(self, values: np.ndarray, *, rest_command: float, start: float, sample_time: float) -> Stepper:
         """Return a plant at rest that takes one command at a time, for a loop. Shapes: `values` (n_p,)."""
@@ -195,7 +203,13 @@ class Simulator:
 
     def sample(self, values: np.ndarray, sample_time: float) -> Sample:
         """Return one sample of the plant, to be solved from any state. Shapes: `values` (n_p,)."""
-        return Sample(step=self._step, sample_time=sample_time, values=values, constants=self.equations.constants)
+        return Sample(
+            step=self._step,
+            sample_time=sample_time,
+            values=values,
+            constants=self.equations.constants,
+            steps=self.steps,
+        )
 
     @cached_property
     def _step(self) -> ca.Function:

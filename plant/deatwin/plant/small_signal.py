@@ -61,19 +61,20 @@ def small_signals(
                 point = settled(equations, here, first.d, at, known, time)
                 if not in_tension(equations, *point, time):  # its equations do not hold; a rig may not watch it
                     break
-                found[place] = _differentiated(equations, point, time, plant.rig.sample_time)
+                found[place] = _differentiated(plant, point, time)
             # CasADi and NumPy raise errors where Newton's method left the range of stretches: no slope is finite there.
             except (NoRestError, RuntimeError, np.linalg.LinAlgError):
                 break
     return tuple(found)
 
 
-def _differentiated(equations: Equations, point: Point, time: float, sample_time: float) -> SmallSignal:
+def _differentiated(plant: Plant, point: Point, time: float) -> SmallSignal:
     """Return one sample from rest, with its derivatives by the states at its start and by the commands."""
-    here, held, inputs, values = point
-    functions, n_x = sample_functions(equations), len(equations.states)
-    step, *second = [_step_derivatives(equations, point, time, part) for part in equations.steps(0.0, sample_time)]
-    for later in second:
+    equations, sample_time, (here, held, inputs, values) = plant.equations, plant.rig.sample_time, point
+    functions, n_x, width = sample_functions(equations), len(equations.states), sample_time / plant.steps
+    parts = [part for k in range(plant.steps) for part in equations.steps(k * width, width)]
+    step, *others = [_step_derivatives(equations, point, time, part) for part in parts]
+    for later in others:
         step = np.hstack([later[:, :n_x] @ step[:n_x, :n_x], later[:, :n_x] @ step[:n_x, n_x:] + later[:, n_x:]])
     step[:, :n_x] = step[:, :n_x] @ equations.begun
 

@@ -1,10 +1,14 @@
 """Runs: sensitivities, failures with a status, and the clock."""
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 from made_rigs import Pushed
+from slopes import differences
 
-from deatwin.plant import Diaphragm, ElectrodeRC, Plant, ReadingTime, RunStatus, SimulationError
+from deatwin.plant import Delay, Diaphragm, ElectrodeRC, Plant, ReadingTime, RunStatus, SimulationError
 from deatwin.plant.effects.periodic_disturbance import PeriodicDisturbance
 from deatwin.plant.effects.sensor_lag import SensorLag
 from deatwin.plant.excitation import band_limited_noise
@@ -34,6 +38,29 @@ def test_sensitivities_of_a_linear_system_are_exact(oscillator):
     )
     assert done.outputs[-1] == pytest.approx(4.0 / 400, rel=1e-9)
     np.testing.assert_allclose(done.sensitivities[-1], [0.0, 0.0, -4.0 / 400**2], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "effects", [(), (Delay(time=0.013),), (Delay(time=0.013).placed("reading"),), (SensorLag(time=0.01),)]
+)
+def test_several_steps_per_sample_follow_a_fast_mode_and_its_sensitivities(effects):
+    """A mode of four radians a sample; chunks of 200 steps end within a sample."""
+    coarse = Plant(rig=Pushed(), values={"mass": 0.01, "damping": 0.2, "stiffness": 400.0}).with_effects(*effects)
+    plant, finer = replace(coarse, steps=3), replace(coarse, steps=12)
+    held = np.repeat(np.random.default_rng(2).uniform(0.0, 60.0, 25), 10)
+    run = partial(plant.simulator.run, held, start=0.0, sample_time=0.02, rest_command=0.0)
+    values = plant.free_values
+    found = plant.simulator.run_with_sensitivities(held, **run.keywords, values=values)
+    np.testing.assert_allclose(found.outputs, run(values=values).outputs, rtol=0, atol=1e-12)
+    exact = finer.simulator.run(held, **run.keywords, values=values).outputs
+    # A step of five stages and 1.3 radians has an error of (1.3)^10 5!4!/(10! 9!) = 3e-8 of the amplitude.
+    np.testing.assert_allclose(found.outputs, exact, rtol=0, atol=1e-6 * np.ptp(exact))
+    slopes = differences(lambda moved: run(values=moved * values).outputs, np.ones(values.size), 1e-5)
+    size = np.abs(slopes[:, values != 0]).max(axis=0)
+    # Central differences err by the square of the step, and by rounding divided by it; coefficients of the polynomial of
+    # a late reading enlarge the rounding by the condition number of a Hilbert matrix, 5e5.
+    found_slopes = (found.sensitivities * values)[:, values != 0]
+    np.testing.assert_allclose(found_slopes / size, slopes[:, values != 0] / size, rtol=0, atol=1e-5)
 
 
 def test_pull_in_is_a_status_with_time_and_voltage(experiment):

@@ -26,18 +26,20 @@ from deatwin.plant.small_signal import small_signals
 H = 0.02
 
 
-def test_a_linear_rig_is_discretised_exactly(oscillator):
-    plant = Plant(rig=oscillator())
+@pytest.mark.parametrize(("stiffness", "steps"), [(400.0, 1), (400.0 * 10.0**2, 8)])
+def test_a_linear_rig_is_discretised_exactly(oscillator, stiffness: float, steps: int):
+    """The fast mode takes four radians a sample, half of one in each of eight steps."""
+    plant = Plant(rig=oscillator(), values={"stiffness": stiffness}, steps=steps)
     (small,) = small_signals(plant, [3.0])
-    continuous = np.array([[0.0, 1.0, 0.0], [-400.0, -2.0, 1.0], [0.0, 0.0, 0.0]])
+    continuous = np.array([[0.0, 1.0, 0.0], [-stiffness, -2.0, 1.0], [0.0, 0.0, 0.0]])
     exact = expm(H * continuous)
     scale = plant.equations.scale
     # Order 9 of the scheme: (omega h)^10/10! = 3e-11 of the motion over a sample.
-    np.testing.assert_allclose(small.a * scale[:, None] / scale, exact[:2, :2], atol=1e-8)
+    np.testing.assert_allclose(small.a * scale[:, None] / scale, exact[:2, :2], atol=1e-8 * steps * stiffness / 400.0)
     np.testing.assert_allclose(small.b[:, 0] * scale, exact[:2, 2], rtol=1e-8)
     np.testing.assert_allclose(small.c / scale, exact[0, :2], atol=1e-9)
     np.testing.assert_allclose(small.d, exact[0, 2:], rtol=1e-8)
-    assert small.reading == pytest.approx(3.0 / 400.0, rel=1e-12)
+    assert small.reading == pytest.approx(3.0 / stiffness, rel=1e-12)
 
 
 def test_derivatives_are_those_of_the_step_that_simulates():

@@ -163,7 +163,7 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: L
     rest = rest_state(equations, rig.start.rest_command, values)
     times = timeline.start + timeline.sample_time * np.arange(n)
     inputs = equations.inputs(timeline.commands[:n], rig.start.rest_command, times, timeline.channels)
-    x, z, slopes, reading_slopes = step.along(rest, inputs, timeline.start, timeline.sample_time, values)
+    x, z, slopes, reading_slopes = step.along(rest, inputs, timeline.start, timeline.sample_time, values, plant.steps)
 
     residual = np.full(n, np.nan)
     later = at >= 0  # a reading of the state of rest itself belongs to no sample

@@ -69,10 +69,11 @@ class LinearStep:
         self._march = compile_functions({"linear_march": march}, in_lanes=step.in_lanes)["linear_march"]
 
     def along(
-        self, rest: RestState, inputs: Array, start: float, sample_time: float, values: Array
+        self, rest: RestState, inputs: Array, start: float, sample_time: float, values: Array, steps: int = 1
     ) -> tuple[Array, Array, Array, Array]:
-        """Step through a record. Shapes: `inputs` (n_u, n); `values` (n_p,); returns, of the ends of samples, (n, n_x),
-        (n, n_z), (n, n_x, n_p), (n, n_p)."""
+        """Step through a record, each sample in some steps. Shapes: `inputs` (n_u, n); `values` (n_p,); returns, of the
+        ends of samples, (n, n_x), (n, n_z), (n, n_x, n_p), (n, n_p)."""
+        inputs, sample_time = np.repeat(inputs, steps, axis=1), sample_time / steps
         march = March(self._march)
         x, z, dx, dd, d, u, t, h, p, c = march.arguments
         x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants
@@ -95,8 +96,9 @@ class LinearStep:
             found.append([r[:good] for r in results])
             x[:], z[:] = found[-1][0][-1], found[-1][1][-1]
             begin += good
-        x_all, z_all, slopes, _, reading_slopes, _ = (np.concatenate(r) for r in zip(*found, strict=True))
-        return x_all, z_all, slopes.swapaxes(1, 2), reading_slopes[:, :, 0]
+        x_all, z_all, *slopes = (np.concatenate(r) for r in zip(*found, strict=True))
+        by_state, by_reading = _over_samples(slopes[0].swapaxes(1, 2), slopes[2].swapaxes(1, 2), steps, first)
+        return x_all[steps - 1 :: steps], z_all[steps - 1 :: steps], by_state, by_reading[:, 0]
 
     def _in_shorter(self, march: March, rest: RestState, n_p: int, time: float, sample_time: float) -> list[Array]:
         """Replace a sample that cannot be solved in one step by shorter steps, and chain their derivatives."""
@@ -108,22 +110,26 @@ class LinearStep:
             results = _advanced(march, _shapes(rest, n_p))
             if _solved(results, number) < number:
                 continue
-            steps, rows = results[2].swapaxes(1, 2), results[4][:, :, 0]
-            before = np.zeros((n_x, n_p))
-            before[:, first : first + n_x] = np.eye(n_x)
-            for k in range(number):
-                row, before = _chained(rows[k], before, first), _chained(steps[k], before, first)
+            rows, reading_rows = (results[i][:number].swapaxes(1, 2) for i in (2, 4))
+            by_state, by_reading = _over_samples(rows, reading_rows, number, first)
             last = [r[number - 1] for r in results]
-            return [last[0], last[1], before.T, last[3], row[:, None], last[5]]
+            return [last[0], last[1], by_state[0].T, last[3], by_reading[0].T, last[5]]
         raise SimulationError("the equations of a sample could not be solved where the plant was to be linearised")
 
 
-def _chained(slopes: Array, before: Array, first: int) -> Array:
-    """Return derivatives after a short step, with respect to the state at the start of the sample."""
-    n_x = before.shape[0]
-    direct = slopes.copy()
-    direct[..., first : first + n_x] = 0.0
-    return np.asarray(direct + slopes[..., first : first + n_x] @ before)
+def _over_samples(by_state: Array, by_reading: Array, steps: int, first: int) -> tuple[Array, Array]:
+    """Return derivatives by the states at the starts of samples, (n, n_x, n_p) and (n, 1, n_p), from those of steps by
+    their own starts; the derivatives by the start begin at column `first`.
+    """
+    n_x = by_state.shape[1]
+    rows = np.concatenate([by_state, by_reading], axis=1)
+    rows = rows.reshape(-1, steps, *rows.shape[1:])
+    ends = rows[:, 0]
+    for k in range(1, steps):
+        through, direct = rows[:, k, :, first : first + n_x], rows[:, k].copy()
+        direct[..., first : first + n_x] = 0.0
+        ends = direct + through @ ends[:, :n_x]
+    return ends[:, :n_x], ends[:, n_x:]
 
 
 def _shapes(rest: RestState, n_p: int) -> list[tuple[int, ...]]:

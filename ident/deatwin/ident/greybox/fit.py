@@ -28,6 +28,7 @@ from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, s
 from deatwin.plant.errors import DataError, ModelError, nearest
 from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.parameters import Parameter
+from deatwin.plant.resolution import solved_like
 
 REMAINING = 10.0
 """Multiple of the tolerance that a linear model may still remove from the squared residual of a settled fit, as a
@@ -139,9 +140,9 @@ class Calibration(Described):
         """Rms residual, SI. If the fit stopped before its minimum, the value that its linearisation predicts there."""
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
-    def with_stages(self, count: int) -> Calibration:
-        """Return the same calibration with a plant that is simulated with `count` stages (`Plant.stages`)."""
-        return replace(self, plant=replace(self.plant, stages=count))
+    def solved_like(self, other: Plant) -> Calibration:
+        """Return the same calibration with a plant that has as many stages and steps as the `other`."""
+        return replace(self, plant=solved_like(self.plant, other))
 
     @cached_property
     def foreseen(self) -> float:

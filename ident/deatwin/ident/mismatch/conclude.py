@@ -38,6 +38,7 @@ from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import label
+from deatwin.plant.resolution import solved_like
 from deatwin.plant.words import spaced
 
 
@@ -434,7 +435,7 @@ def _rival_models(findings: Findings) -> dict[str, CalibratedPlant]:
     noise, stated = findings.base.noise, findings.problem.stated_error
     return {
         "+".join(alternative.effects) or "none": CalibratedPlant(
-            plant=with_model_error(replace(alternative.calibration.plant, stages=findings.final.plant.stages), stated),
+            plant=with_model_error(solved_like(alternative.calibration.plant, findings.final.plant), stated),
             noise=noise,
             model_error=alternative.unseen_test.size,
             names=alternative.calibration.names,

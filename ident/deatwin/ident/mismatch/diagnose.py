@@ -44,7 +44,7 @@ from deatwin.ident.parallel import one_thread, require_workers, spawn_generators
 from deatwin.plant.effects.base import Effect, require_effects
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.resolution import resolved
+from deatwin.plant.resolution import resolved, solved_like
 
 Progress = Callable[[float, str], None]
 
@@ -164,12 +164,12 @@ def diagnose(
     naming, verification, stands = first_that_stands(
         found, problem, for_verification, started=lambda text: tell(0.8, text)
     )
-    stages = naming.base.calibration.plant.stages  # the search may have taken more than the base plant
-    problem = replace(problem, nominal=replace(problem.nominal, stages=stages))
+    used = naming.base.calibration.plant  # in the search, which may have taken more steps than the base fit
+    problem = replace(problem, nominal=solved_like(problem.nominal, used))
     part = None if stands or len(naming.candidates) == 1 else acting(naming, problem, for_rest)
     naming, verification = (naming, verification) if part is None else part
     keep(found_step("verify", verification if verification.ablations else None))
-    base = base.in_variant_of(naming.base).with_stages(max(plant.stages, stages))
+    base = base.in_variant_of(naming.base).solved_like(replace(used, stages=plant.stages))
     naming, elsewhere = without_places(naming)
     verdict = _verdict(problem, checked, base, detection, naming, verification, stands, part is not None)
     doubted = verdict.has_causes and _contradicts_the_rig(naming.best, problem)
@@ -201,11 +201,10 @@ def diagnose(
     tell(0.95, "fitting all recordings")
     last = discovery.calibration if discovery is not None else answer.calibration
     whole = verification.whole if answer is naming.best else detection.taken_up
-    # Effects with kinks move less alike with fewer stages than the base plant does, so the last fit has all of them,
-    # and more if the rig moves faster than the samples.
+    # The last fit has all stages, and as many steps as its effects need.
     begun = last if whole is None else whole
-    stages = resolved(_without_added(plant, begun.plant), checked.experiments).stages
-    final = refit(begun.with_stages(stages), problem.everything)
+    followed = resolved(solved_like(begun.plant, plant), checked.experiments)
+    final = refit(begun.solved_like(followed), problem.everything)
     diagnosis = conclude(
         Findings(
             problem=problem,
@@ -227,12 +226,6 @@ def diagnose(
     )
     tell(1.0, "done")
     return diagnosis
-
-
-def _without_added(plant: Plant, fitted: Plant) -> Plant:
-    """Return the given plant with the rig and the values of a fitted one."""
-    known = plant.with_rig(fitted.rig)
-    return known.with_values({name: fitted.parameters[name].value for name in known.parameters.free})
 
 
 def _among_variants(

@@ -21,7 +21,7 @@ from deatwin.plant.effects.base import Alone, Effect, require_effects
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.model import Plant
 from deatwin.plant.readings import Reading
-from deatwin.plant.resolution import stages_for
+from deatwin.plant.resolution import followed_plant, solved_like
 from deatwin.plant.rigs.base import Rig
 
 Levels = tuple[tuple[np.ndarray, ...], ...]
@@ -52,9 +52,10 @@ def prepare(
     -------
     DiagnosisProblem
         Diagnosis problem. Its plant has the model error that is expected for these recordings. This plant is simulated
-        with more or fewer stages (`Plant.stages`) than `plant`: as few as hardly change the readings.
+        with fewer stages and more steps per sample (`Plant.stages`, `Plant.steps`) than `plant`, if the former hardly
+        change the readings and the latter follow them better.
     Base
-        The calibrated plant, with the same model error and number of stages.
+        The calibrated plant, with the same model error and numbers of stages and steps.
 
     Raises
     ------
@@ -67,9 +68,9 @@ def prepare(
     problem = _problem_of(plant, checked, known, jobs)
     base = calibrate_base(problem)
     # A nominal damping may be far too small, so how fast the plant moves is known only after a calibration.
-    stages, _ = stages_for(base.chosen.calibration.plant, checked.experiments)
-    if stages != plant.stages:
-        plant = replace(plant, stages=stages)
+    followed, _ = followed_plant(base.chosen.calibration.plant, checked.experiments)
+    if followed is not base.chosen.calibration.plant:
+        plant = solved_like(plant, followed)
         problem = _problem_of(plant, checked, known, jobs)
         base = calibrate_base(problem)
     noisier = _noisier(base, problem)
@@ -90,7 +91,7 @@ def prepare(
     base = replace(base, chosen=base.chosen.with_floor(error), alternatives=alternatives)
     stages = enough_stages(problem, base)
     nominal = replace(with_model_error(problem.nominal, error), stages=stages)
-    return replace(problem, nominal=nominal), base.with_stages(stages)
+    return replace(problem, nominal=nominal), base.solved_like(nominal)
 
 
 def effects_for(rig: Rig, effects: Sequence[Effect] | None) -> Sequence[Effect]:

@@ -57,19 +57,22 @@ def test_opened_equations_are_solved_with_the_stages_of_their_plant() -> None:
     assert places(plant)
 
 
-def test_the_step_of_a_linear_plant_is_its_matrix_exponential(oscillator):
-    plant = Plant(rig=oscillator())
+@pytest.mark.parametrize(("stiffness", "steps"), [(400.0, 1), (400.0 * 10.0**2, 8)])
+def test_the_step_of_a_linear_plant_is_its_matrix_exponential(oscillator, stiffness: float, steps: int):
+    plant = Plant(rig=oscillator(), values={"stiffness": stiffness}, steps=steps)
     commands = np.random.default_rng(0).standard_normal(30)
     (linear,) = linearise(plant, [part_of(commands, np.zeros(30))])
-    # held force on mass 1, damping 2, stiffness 400: exp of the system and its input together
+    # held force on mass 1, damping 2 and a spring: exp of the system and its input together
     system = np.zeros((3, 3))
-    system[:2] = [[0.0, 1.0, 0.0], [-400.0, -2.0, 1.0]]
+    system[:2] = [[0.0, 1.0, 0.0], [-stiffness, -2.0, 1.0]]
     exact = expm(STEP * system)
-    # the integrator follows a mode of 20 rad/s to ninth order: (0.4)^9/9! = 7e-10
-    np.testing.assert_allclose(linear.transition[7], exact[:2, :2], atol=1e-8)
+    # the integrator follows a mode of 20 rad/s to ninth order: (0.4)^9/9! = 7e-10; and in each of eight steps one of
+    # 200 rad/s: (0.5)^9/9! = 5e-9, where speeds are 200 times as large as positions
+    tolerance = 1e-8 * steps * stiffness / 400.0
+    np.testing.assert_allclose(linear.transition[7], exact[:2, :2], atol=tolerance)
     number = linear.openings.index(COMMAND)
-    np.testing.assert_allclose(linear.entering[7, :, number], exact[:2, 2], atol=1e-8)
-    np.testing.assert_allclose(linear.rows[7], exact[0, :2], atol=1e-8)
+    np.testing.assert_allclose(linear.entering[7, :, number], exact[:2, 2], atol=1e-8 * steps)
+    np.testing.assert_allclose(linear.rows[7], exact[0, :2], atol=1e-8 * steps)
 
 
 def test_a_nonlinear_plant_answers_as_finite_differences_say():

@@ -77,12 +77,12 @@ def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
     candidate = SimpleNamespace(
         calibration=SimpleNamespace(plant=replace(NOMINAL, stages=4)),
         with_floor=lambda error: candidate,
-        with_stages=lambda count: candidate,
+        solved_like=lambda other: candidate,
     )
     asked = []
     monkeypatch.setattr(module, "_levels", lambda base, problem, checked: None)
     monkeypatch.setattr(module, "_late_onset", lambda base, checked: 7.0)
-    monkeypatch.setattr(module, "stages_for", lambda plant, experiments: (NOMINAL.stages, 0.0))
+    monkeypatch.setattr(module, "followed_plant", lambda plant, experiments: (plant, 0.0))
     monkeypatch.setattr(module, "model_error_of", lambda plant, problem: 1e-6)
     monkeypatch.setattr(
         module,

@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.naming.contribution import contribution
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.quality.noise import noise_level
 from deatwin.ident.soundness import resolution
+from deatwin.plant.model import Plant
 
 LONG_ENOUGH = 250
 """Smallest number of samples of an experiment that is judged alone: white noise of 2 µm makes a difference of a third
@@ -95,19 +96,19 @@ class Candidate:
         plant = with_model_error(self.calibration.plant, model_error)
         return replace(self, calibration=replace(self.calibration, plant=plant))
 
-    def with_stages(self, count: int) -> Candidate:
-        """Return the same candidate, whose plant is simulated with another number of stages.
+    def solved_like(self, other: Plant) -> Candidate:
+        """Return the same candidate, integrated with as many stages and steps as another plant.
 
         Parameters
         ----------
-        count : int
-            Number of stages of the integration method (`Plant.stages`).
+        other : Plant
+            Plant with the wanted `Plant.stages` and `Plant.steps`.
 
         Returns
         -------
         Candidate
         """
-        return replace(self, calibration=self.calibration.with_stages(count))
+        return replace(self, calibration=self.calibration.solved_like(other))
 
     @property
     def mismatch(self) -> bool:

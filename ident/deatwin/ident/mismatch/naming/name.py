@@ -20,6 +20,7 @@ from deatwin.ident.mismatch.naming.variants import in_variant, with_fewer
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.thresholds import CLEARLY_LESS
+from deatwin.plant.resolution import solved_like
 
 MOST_CAUSES = 3
 """Largest number of effects in an explanation; larger sets cannot be distinguished."""
@@ -98,9 +99,9 @@ def explanations(
 
     search = Search(problem, base, known, fitted)
     stage = search.beside((), partial(tell, 0))
-    if stages := search.more_stages(stage):
-        base, *alternatives = (variant.with_stages(stages) for variant in (base, *alternatives))
-        problem = replace(problem, nominal=replace(problem.nominal, stages=stages))
+    if finer := search.more_finely(stage):
+        base, *alternatives = (variant.solved_like(finer) for variant in (base, *alternatives))
+        problem = replace(problem, nominal=solved_like(problem.nominal, finer))
         search = Search(problem, base, known, fitted)
         stage = search.beside((), lambda share: tell(0, 1.0))  # a share that is told does not fall
     search.judge_by_the_best(stage)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
+from deatwin.plant.resolution import followed_plant
 
 FAILED_SEARCH = 1.02
 """Ratio of the rms residual to its prediction above which a fit has failed to find the minimum."""
@@ -138,10 +139,10 @@ def _told(judged: Sequence[Candidate | None], fitted: Fitted | None) -> list[Can
 
 
 def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
-    """Return the nominal plant with another plant's effects and their values."""
+    """Return the nominal plant with another plant's effects, their values, and the steps that these need."""
     added = [effect for effect in fitted.effects if effect.name not in nominal.effect_names]
     own = {p.name: fitted.parameters[p.name].value for effect in added for p in effect.parameters}
-    return nominal.with_effects(*added).with_values(own)
+    return replace(nominal.with_effects(*added).with_values(own), steps=fitted.steps)
 
 
 def unbiased_like(problem: DiagnosisProblem, fitted: Plant) -> Plant:
@@ -219,13 +220,24 @@ def _from_there(problem: DiagnosisProblem, plant: Plant, noise: float) -> Candid
 
 def _ended(problem: DiagnosisProblem, fit: Calibration, noise: float, to_the_end: bool) -> Candidate | None:
     """Complete a fit, or leave it as it is, and judge it."""
-    return judge(problem, _finished(problem, fit) if to_the_end else fit, noise)
+    return judge(problem, _finished(problem, fit, noise) if to_the_end else fit, noise)
 
 
-def _finished(problem: DiagnosisProblem, fit: Calibration) -> Calibration:
+def _finished(problem: DiagnosisProblem, fit: Calibration, noise: float) -> Calibration:
     """Complete a fit; held-out data place an event that it cannot."""
     completed = finish(at_its_time(fit, problem.fitted, enough=NEGLIGIBLE), problem.fitted)
+    completed = _followed(completed, problem, noise)
     return in_its_gap(completed, problem.fitted, problem.everything)
+
+
+def _followed(fit: Calibration, problem: DiagnosisProblem, noise: float) -> Calibration:
+    """Fit again with more steps per sample if noise and model error do not hide the error of integration."""
+    hidden = float(np.sqrt(PRACTICAL_SHARE) * np.hypot(noise, fit.plant.rig.model_error))
+    plant, _ = followed_plant(fit.plant, [part.experiment for part in problem.fitted], hidden)
+    if plant is fit.plant:
+        return fit
+    again = descend(plant, problem.fitted, tolerance=NEGLIGIBLE)
+    return finish(again, problem.fitted) if again.status.ok else fit
 
 
 def _continued(fit: Calibration, problem: DiagnosisProblem, hopeless: float) -> Calibration:

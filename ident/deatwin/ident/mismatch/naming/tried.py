@@ -18,7 +18,7 @@ from deatwin.ident.mismatch.naming.weigh import Scale
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.thresholds import CLEARLY_LESS, STRONG
 from deatwin.plant.model import Plant
-from deatwin.plant.resolution import stages_for
+from deatwin.plant.resolution import followed_plant
 
 Finished = Callable[[float], None]
 Names = tuple[str, ...]
@@ -116,18 +116,17 @@ class Tried:
         for names in stage:
             self.tried[names] = self.tried[names].with_floor(error)
 
-    def more_stages(self, stage: Sequence[Names]) -> int:
-        """Return how many stages the rig needs with the fitted values of the best set of a `stage`; 0 if it is enough
-        to have those of the search.
+    def more_finely(self, stage: Sequence[Names]) -> Plant | None:
+        """Return the rig with the fitted values of the best set of a `stage`, and with as many steps as it then needs;
+        None if it needs no more than in the search.
         """
-        # Friction that is missing is imitated by damping, and a plant that is damped too much seems to need few stages.
-        # An effect with kinks needs more than the rig, but cannot be followed exactly with any number of them.
+        # Friction that is missing is imitated by damping, and a plant that is damped too much seems to need few steps.
         best = self.best_of(stage)
         if best is None:
-            return 0
+            return None
         plant, parts = self.plant_of(best, ()), self.problem.of_first.fitted
-        stages, _ = stages_for(plant, [part.experiment for part in parts])
-        return stages if stages > plant.stages else 0
+        followed, _ = followed_plant(plant, [part.experiment for part in parts])
+        return None if followed is plant else followed
 
     def takes_most(self, names: Names) -> bool:
         """Return whether the set `names` removes most of the residual's power beyond noise."""

@@ -102,19 +102,19 @@ class Base(Described):
         filed = [variant for variant in self.alternatives if _is_read_alike(variant.calibration.plant.rig, rig)]
         return self.in_variant_of(filed[0]) if filed else self
 
-    def with_stages(self, count: int) -> Base:
-        """Return the same base plants, simulated with another number of stages.
+    def solved_like(self, other: Plant) -> Base:
+        """Return the same base plants, integrated with as many stages and steps as another plant.
 
         Parameters
         ----------
-        count : int
-            Number of stages of the integration method (`Plant.stages`).
+        other : Plant
+            Plant with the wanted `Plant.stages` and `Plant.steps`.
 
         Returns
         -------
         Base
         """
-        chosen, *alternatives = (variant.with_stages(count) for variant in (self.chosen, *self.alternatives))
+        chosen, *alternatives = (variant.solved_like(other) for variant in (self.chosen, *self.alternatives))
         return replace(self, chosen=chosen, alternatives=tuple(alternatives))
 
     def plot(self, ax: Axes | None = None) -> Axes:

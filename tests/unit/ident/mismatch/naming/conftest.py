@@ -1,6 +1,6 @@
 """Explanations that leave residuals of given sizes, and searches in which such ones were tried."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -32,13 +32,17 @@ FITTED = (
 class Built(SimpleNamespace):
     """A plant of which a search knows the names of its effects."""
 
+    steps = 1
+
     def lacks(self, effect: Effect) -> bool:
         return effect.name not in self.effect_names
 
 
+@dataclass
 class Nominal:
     """A plant that stays what it is in any form and with any effects."""
 
+    steps: int = 1
     effect_names = ()
 
     def with_rig(self, rig: object) -> "Nominal":

@@ -278,7 +278,7 @@ def explained_alone(leaving, monkeypatch):
     alone = first_alone(search)
     monkeypatch.setattr(name, "Search", lambda *_: search)
     monkeypatch.setattr(search, "judge_by_the_best", lambda stage: None)
-    monkeypatch.setattr(search, "more_stages", lambda stage: 0)
+    monkeypatch.setattr(search, "more_finely", lambda stage: None)
     monkeypatch.setattr(name, "decided", lambda search, stage: alone)
     monkeypatch.setattr(name, "on_everything", lambda search, naming: [naming])
     monkeypatch.setattr(name, "_with_more", lambda *_: (search, alone))

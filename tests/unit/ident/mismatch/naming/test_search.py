@@ -307,20 +307,20 @@ def test_what_promises_more_from_before_an_event_is_what_an_effect_promises(cand
     assert asked == [((),), (("delay",),)]
 
 
-def test_the_share_that_is_told_does_not_fall_if_a_search_begins_again_with_more_stages(monkeypatch):
+def test_the_share_that_is_told_does_not_fall_if_a_search_begins_again_with_more_steps(monkeypatch):
     begun, told = [], []
 
     class Begun:
         def __init__(self, problem, base, known, fitted):
-            begun.append((problem.nominal.stages, base))
+            begun.append((problem.nominal.steps, base))
 
         def beside(self, names, finished):
             for share in (0.5, 1.0):
                 finished(share)
             return [("creep",)]
 
-        def more_stages(self, stage):
-            return 8
+        def more_finely(self, stage):
+            return Nominal(steps=8)
 
         def judge_by_the_best(self, stage):
             raise LookupError  # the rest of the search is not of interest
@@ -328,14 +328,15 @@ def test_the_share_that_is_told_does_not_fall_if_a_search_begins_again_with_more
     @dataclass
     class Nominal:
         stages: int = 4
+        steps: int = 1
 
     @dataclass
     class Problem:
         nominal: Nominal
 
     monkeypatch.setattr(name, "Search", Begun)
-    base = SimpleNamespace(with_stages=lambda stages: f"base with {stages}")
+    base = SimpleNamespace(solved_like=lambda other: f"base in {other.steps}")
     with pytest.raises(LookupError):
         next(name.explanations(Problem(Nominal()), base, [], finished=told.append))
-    assert begun == [(4, base), (8, "base with 8")]
+    assert begun == [(1, base), (8, "base in 8")]
     assert told == sorted(told) and told[1] == pytest.approx(1 / 3)

@@ -133,7 +133,7 @@ def test_a_pair_that_leaves_more_than_one_of_its_effects_begins_again_from_that_
     assert fits == ([alone[1].calibration] if again else [])
 
 
-def test_a_rig_that_friction_seemed_to_damp_gets_the_stages_that_its_ringing_needs():
+def test_a_rig_that_friction_seemed_to_damp_gets_the_steps_that_its_ringing_needs():
     """Where friction is missing, damping imitates it: at 300 N s/m a stack follows slowly, at 3 N s/m it rings at 38 Hz."""
     rig = Stack(sample_time=0.01, noise=1e-7)
     friction = next(effect for effect in rig.effects() if effect.name == "coulomb_friction")
@@ -149,7 +149,8 @@ def test_a_rig_that_friction_seemed_to_damp_gets_the_stages_that_its_ringing_nee
 
     search = tried.Tried(problem, made(damped, 300.0, 0.0))
     search.tried[friction.name,] = made(ringing, 3.0, 1.0)
-    assert search.more_stages([()]) == 0
-    # A mode of 3.4 rad a sample has a relative error of 7e-3 with four stages, and of 7e-6 with six.
-    assert search.more_stages([(friction.name,)]) >= 6
-    assert search.more_stages([]) == 0
+    assert search.more_finely([()]) is None
+    # A mode of 3.4 rad a sample has a relative error of 7e-3 in one step of four stages, and of 1e-4 in two.
+    finer = search.more_finely([(friction.name,)])
+    assert finer is not None and finer.steps > 1 and not finer.effects
+    assert search.more_finely([]) is None
