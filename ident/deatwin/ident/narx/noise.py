@@ -9,16 +9,14 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from deatwin.ident.arguments import positive, whole_number
-from deatwin.ident.narx.criteria import CRITERIA, criterion_values
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.fixed import Fixed
-from deatwin.ident.narx.forward import forward_selection
+from deatwin.ident.narx.forward import CRITERIA, criterion_values, forward_selection
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
-from deatwin.ident.narx.lags import ChannelLags, lag_list
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.prediction_error import NoiseFit, noise_rows, prediction_error_fit, spread
 from deatwin.ident.narx.regression import Recordings, Regression
-from deatwin.ident.narx.terms import Term, TermTable, Variable, require_terms
+from deatwin.ident.narx.terms import ChannelLags, Term, TermTable, Variable, lag_list, require_terms
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError, nearest
 

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.ident.narx.document import OperatingRange
 from deatwin.ident.narx.drive import order_apart, signals_like, units_apart
-from deatwin.ident.narx.lags import channel_lags
 from deatwin.ident.narx.levels import without_repeated_powers
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import OperatingRange
-from deatwin.ident.narx.terms import Lags, Rule, Term, TermTable, Variable, generate_terms, require_terms
+from deatwin.ident.narx.terms import Lags, Rule, Term, TermTable, Variable, channel_lags, generate_terms, require_terms
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording, label

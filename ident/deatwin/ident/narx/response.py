@@ -10,8 +10,8 @@ from enum import Enum
 import numpy as np
 
 from deatwin.ident.arguments import read_only
+from deatwin.ident.narx.document import OperatingRange
 from deatwin.ident.narx.drive import Drive
-from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.arrays import Array
 from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, attribute, coordinate, one_unit, status_of, variable

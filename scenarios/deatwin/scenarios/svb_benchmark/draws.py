@@ -23,10 +23,17 @@ from deatwin.ident.narx import (
     ThetaPosterior,
 )
 from deatwin.ident.narx.bayes import Statistics
-from deatwin.ident.narx.known_terms import fit_variational, fit_with_noise
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.spike_slab import SpikeSlab, Structures, sample_structures
-from deatwin.ident.narx.standing_out import Margin, full_margin, near_margin
+from deatwin.ident.narx.spike_slab import (
+    Margin,
+    SpikeSlab,
+    Structures,
+    fit_variational,
+    fit_with_noise,
+    full_margin,
+    near_margin,
+    sample_structures,
+)
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem, Draw
 from deatwin.plant import DeatwinError, Recording
 from deatwin.plant.arrays import Array, Booleans

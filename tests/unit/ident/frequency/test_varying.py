@@ -6,11 +6,11 @@ import pytest
 from deatwin.ident.frequency import frequency_grid, gfrf
 from deatwin.ident.frequency.output_responses.estimate import nofrf_exact
 from deatwin.ident.frequency.output_responses.result import NofrfWarning
-from deatwin.ident.frequency.varying import following, moving_parts
+from deatwin.ident.frequency.varying import following
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.frequency.varying.following import hold_equilibrium
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.operating import OperatingRange
+from deatwin.ident.narx.document import OperatingRange
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.errors import ModelError
 
@@ -277,7 +277,7 @@ def test_the_error_of_a_tone_is_the_same_in_all_forms():
 def test_blocks_of_times_change_nothing(monkeypatch):
     trajectory, _ = vanishing()
     whole = tv_gfrf(trajectory, 2, np.stack([W, W], -1)).frozen_correction
-    monkeypatch.setattr(moving_parts, "_BLOCK", 12)
+    monkeypatch.setattr(following, "_BLOCK", 12)
     np.testing.assert_array_equal(tv_gfrf(trajectory, 2, np.stack([W, W], -1)).frozen_correction, whole)
     linear = tv_gfrf(trajectory_of({"y(k-1)": 0.5, "u(k-1)": 1.0}), 2, np.stack([W, W], -1))
     np.testing.assert_array_equal(linear.frozen_correction, 0.0)  # a response that is zero throughout

@@ -22,8 +22,7 @@ from deatwin.ident.narx import (
     shapes,
 )
 from deatwin.ident.narx.free_run import March
-from deatwin.ident.narx.joined import Joined
-from deatwin.ident.narx.refine import sensitivities
+from deatwin.ident.narx.refine import Joined, sensitivities
 from deatwin.ident.nss import NonlinearStateSpace, Pnlss
 from deatwin.plant import ModelError, Recording
 

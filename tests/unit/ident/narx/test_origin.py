@@ -11,7 +11,7 @@ import pytest
 
 from deatwin.ident.frequency import equilibrium, gfrf, hold_equilibrium, linear_part, remove_dc
 from deatwin.ident.narx import Fixed, Frols, Lasso, Narmax, NarxModel, Semp, SvbNarx, ThetaSmoother, refine
-from deatwin.ident.narx.predictive import free_run_band, one_step_band
+from deatwin.ident.narx.posterior import free_run_band, one_step_band
 from deatwin.ident.narx.robust import robust
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording

@@ -8,8 +8,7 @@ from slopes import differences
 from stopping import StopAt
 
 from deatwin.ident.narx import NarxModel, generate_terms
-from deatwin.ident.narx.joined import Joined
-from deatwin.ident.narx.refine import extensions, prunings, refine, sensitivities
+from deatwin.ident.narx.refine import Joined, extensions, prunings, refine, sensitivities
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording

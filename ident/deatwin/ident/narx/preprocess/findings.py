@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.narx.levels import input_levels, said_of_levels
-from deatwin.ident.narx.preprocess.stationarity import (
+from deatwin.ident.narx.preprocess.sections import (
     ENOUGH_CORRELATION_TIMES,
     chance_of_mean,
     correlation_samples,
