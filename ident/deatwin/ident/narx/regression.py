@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.ident.narx.bayes import Statistics
 from deatwin.ident.narx.document import OperatingRange
 from deatwin.ident.narx.drive import order_apart, signals_like, units_apart
 from deatwin.ident.narx.levels import without_repeated_powers
@@ -195,15 +196,15 @@ class Regression:
             filled = stop
         return rows, target
 
-    def gram(self) -> tuple[Array, Array, float]:
-        """Return Phi'Phi, (n_terms, n_terms), Phi'y, (n_terms,), and y'y of the scaled signals, by blocks."""
+    def statistics(self) -> Statistics:
+        """Return the sufficient statistics of the scaled signals, by blocks."""
         n = len(self.table.terms)
         gram, moment, power = np.zeros((n, n)), np.zeros(n), 0.0
         for rows, target in self.blocks():
             gram += rows @ rows.T
             moment += rows @ target
             power += float(target @ target)
-        return gram, moment, power
+        return Statistics(gram=gram, moment=moment, power=power, n_samples=self.n_samples)
 
     def model(
         self, theta: Array, theta_cov: Array, noise_variance: float, *, identifier: Any, theta_dof: float = math.inf

@@ -25,7 +25,7 @@ from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.prediction_error import prediction_error_fit
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.svb import SvbNarx
+from deatwin.ident.narx.svb import SvbNarx, model_of
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.plant.arrays import Array, Indices
 from deatwin.plant.recording import Recording
@@ -203,25 +203,16 @@ def fit_variational(terms: tuple[Term, ...], recording: Recording) -> NarxModel:
     """Fit known terms by variational Bayes, as `SvbNarx` does each of its steps."""
     usual = SvbNarx()
     data = Regression.on(recording, TermTable(terms))
-    gram, moment, power = data.gram()
-    statistics = Statistics(gram=gram, moment=moment, power=power, n_samples=data.n_samples)
-    sizes, output_size = statistics.root_mean_squares, statistics.output_size
+    given = data.statistics()
     priors = Priors(a0=usual.a0, b0=usual.b0, c0=usual.c0, d0=usual.d0)
     found = fit_relevance(
-        statistics.divided(sizes, output_size),
+        given.divided(given.root_mean_squares, given.output_size),
         priors,
-        np.full(sizes.size, priors.c0 / priors.d0),
+        np.full(given.moment.size, priors.c0 / priors.d0),
         tolerance=usual.tolerance,
         max_iterations=usual.max_iterations,
-    ).posterior
-    scales = sizes / output_size
-    return data.model(
-        found.mean / scales,
-        found.covariance / np.outer(scales, scales),
-        found.noise_variance * output_size**2,
-        identifier=usual,
-        theta_dof=2 * found.a,
     )
+    return model_of(found.posterior, data, given, usual)
 
 
 def fit_with_noise(terms: tuple[Term, ...], noise_terms: tuple[Term, ...], recording: Recording) -> NarxModel:

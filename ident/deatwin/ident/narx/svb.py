@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import positive, whole_number
-from deatwin.ident.narx.bayes import FLAT, Priors, RelevanceFit, Statistics, fit_relevance
+from deatwin.ident.narx.bayes import FLAT, Posterior, Priors, RelevanceFit, Statistics, fit_relevance
 from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
@@ -227,12 +227,10 @@ class SvbNarx(CandidateSearch):
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         if data.n_samples < 3:
             raise ModelError(f"{data.n_samples} usable samples are too few; at least 3 are needed")
-        gram, moment, power = data.gram()
-        statistics = Statistics(gram=gram, moment=moment, power=power, n_samples=data.n_samples)
-        if not gram.any():
+        whole = data.statistics()
+        if not whole.gram.any():
             raise ModelError("every candidate is zero throughout the recordings: there is nothing to choose from")
-        sizes, output_size = statistics.root_mean_squares, statistics.output_size
-        statistics = statistics.divided(sizes, output_size)
+        statistics = whole.divided(whole.root_mean_squares, whole.output_size)
         self.path_ = self._pruned(data, statistics, progress)
         best = max(range(len(self.path_)), key=lambda s: self.path_[s].lower_bound)
         chosen = self.path_[best].indices
@@ -245,14 +243,7 @@ class SvbNarx(CandidateSearch):
         fit = max((self._fit(statistics.only(chosen), start) for start in starts), key=lambda one: one.bounds[-1])
         self.settled_ = fit.settled
         self.lower_bound_, self.relevance_ = fit.bounds[-1], 1 / fit.alpha
-        found, scales = fit.posterior, sizes[chosen] / output_size
-        model = data.only(chosen).model(
-            found.mean / scales,
-            found.covariance / np.outer(scales, scales),
-            found.noise_variance * output_size**2,
-            identifier=self,
-            theta_dof=2 * found.a,
-        )
+        model = model_of(fit.posterior, data.only(chosen), whole.only(chosen), self)
         self.terms_ = model.terms
         progress(1.0, f"{len(model.terms)} terms, lower bound {self.lower_bound_:.6g}")
         return model
@@ -326,3 +317,15 @@ class SvbNarx(CandidateSearch):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the lower bound over the pruning steps, with the largest bound marked, on `ax` or new axes."""
         return draw_bounds(self.path_, ax)
+
+
+def model_of(found: Posterior, data: Regression, given: Statistics, identifier: SvbNarx) -> NarxModel:
+    """Return the model of a posterior of regressors and output that were divided by their root mean squares."""
+    scales = given.root_mean_squares / given.output_size
+    return data.model(
+        found.mean / scales,
+        found.covariance / np.outer(scales, scales),
+        found.noise_variance * given.output_size**2,
+        identifier=identifier,
+        theta_dof=2 * found.a,
+    )

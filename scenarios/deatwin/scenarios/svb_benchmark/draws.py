@@ -22,7 +22,6 @@ from deatwin.ident.narx import (
     SvbNarx,
     ThetaPosterior,
 )
-from deatwin.ident.narx.bayes import Statistics
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.spike_slab import (
     Margin,
@@ -242,8 +241,7 @@ def compare(name: str, method: str, seed: int, number: int) -> Comparison:
     rng = np.random.default_rng([seed, number])
     draw = draw_of(system, seed, number)
     data = _candidates(system, draw)
-    gram, moment, power = data.gram()
-    posterior = SpikeSlab(data=Statistics(gram=gram, moment=moment, power=power, n_samples=data.n_samples))
+    posterior = SpikeSlab(data=data.statistics())
     found = sample_structures(posterior, rng, flips=FLIPS, burn_in=BURN_IN)
     crowd = frozenset(rng.choice(posterior.n_terms, 20, replace=False).tolist())
     other = sample_structures(posterior, rng, flips=FLIPS, burn_in=BURN_IN, start=crowd)

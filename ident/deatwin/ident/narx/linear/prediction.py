@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.ident.narx.estimate import converged
-from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable, reflected
+from deatwin.ident.narx.linear.polynomials import ONE, Orders, Polynomials, is_stable, reflected
 from deatwin.plant.arrays import Array
 
 Record = tuple[Array, Array]  # Scaled inputs, (n_inputs, n), and output, (n,)
@@ -191,8 +191,6 @@ def _inverse_root(gradient: Array) -> Array:
     return np.asarray(right.T / np.maximum(singular, smallest) / norms[:, None], dtype=np.float64)
 
 
-_ONE = np.ones(1)
-_ONE.setflags(write=False)
 _ROUNDS = 20  # Most rounds of the iteration by Steiglitz and McBride
 _SETTLED = 1e-6  # Change of a coefficient of F below which these rounds end: the search that follows moves it by more
 
@@ -249,9 +247,9 @@ def _errors(arx: Polynomials, records: Sequence[Record]) -> list[Array]:
     first = max([arx.a.size, *(b.size for b in arx.b)]) - 1
     errors = []
     for inputs, output in records:
-        e = filtered(arx.a, _ONE, output) - arx.offset
+        e = filtered(arx.a, ONE, output) - arx.offset
         for u, b in zip(inputs, arx.b, strict=True):
-            e -= filtered(b, _ONE, u)
+            e -= filtered(b, ONE, u)
         e[:first] = 0.0
         errors.append(e)
     return errors
@@ -279,7 +277,7 @@ def _from_arx(orders: Orders, records: Sequence[Record]) -> Polynomials:
     arx = _arx(records, replace(_lengthened(orders, max(orders.nf)), nb=orders.nb))
     a = reflected(arx.a)
     f = tuple(reflected(a[: nf + 1]) for nf in orders.nf)
-    return arx._replace(a=_ONE, f=f, offset=arx.offset / float(a.sum()))
+    return arx._replace(a=ONE, f=f, offset=arx.offset / float(a.sum()))
 
 
 def _condensed(orders: Orders, records: Sequence[Record], long: Polynomials) -> Polynomials:
@@ -290,7 +288,7 @@ def _condensed(orders: Orders, records: Sequence[Record], long: Polynomials) -> 
         pairs = [(inputs[i : i + 1], filtered(taps, a, inputs[i])) for inputs, _ in records]
         plants.append(_steiglitz_mcbride(pairs, orders.nb[i], orders.nf[i], orders.nk[i]))
     b, f = zip(*plants, strict=True)
-    return Polynomials(a=_ONE, b=b, c=_ONE, d=_ONE, f=f, offset=long.offset / float(a.sum()))
+    return Polynomials(a=ONE, b=b, c=ONE, d=ONE, f=f, offset=long.offset / float(a.sum()))
 
 
 def _steiglitz_mcbride(pairs: list[Record], nb: int, nf: int, nk: int) -> tuple[Array, Array]:
@@ -299,7 +297,7 @@ def _steiglitz_mcbride(pairs: list[Record], nb: int, nf: int, nk: int) -> tuple[
     f = np.eye(1, nf + 1)[0]
     best, found = np.inf, (np.zeros(nk + nb), f)
     for _ in range(_ROUNDS if nf else 1):
-        arx = _arx([(filtered(_ONE, f, u), filtered(_ONE, f, y)) for u, y in pairs], orders)
+        arx = _arx([(filtered(ONE, f, u), filtered(ONE, f, y)) for u, y in pairs], orders)
         former, b, f = f, arx.b[0], reflected(arx.a)
         loss = sum(float(np.sum((y - filtered(b, f, u[0])) ** 2)) for u, y in pairs)
         if loss < best:
