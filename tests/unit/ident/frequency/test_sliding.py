@@ -26,19 +26,6 @@ def record(rng, n, *, gain=1.0, offset=2.0):
     return Recording.from_arrays(u[LONG:], offset + gain * y[LONG:], 0.1, start=5.0)
 
 
-def test_a_tone_of_whole_periods_has_the_gain_of_the_frequency_response():
-    # Each batch holds whole periods, so that no batch differs: the bands have no width.
-    k = np.arange(2000)
-    u, y = np.cos(2 * np.pi * k / 20), 3.0 + 0.7 * np.cos(2 * np.pi * k / 20 - 1.0)
-    found = sliding_mean_and_gain(Recording.from_arrays(u, y, 0.1, start=10.0), 40.0, step_s=20.0)
-    np.testing.assert_allclose(found.mean, 3.0, rtol=1e-13)
-    np.testing.assert_allclose(found.gain, 0.7, rtol=1e-12)
-    for limit in (found.gain_low, found.gain_high):
-        np.testing.assert_allclose(limit, 0.7, rtol=1e-10)
-    np.testing.assert_allclose(found.timepts, 10.0 + 0.1 * 199.5 + 20.0 * np.arange(9))
-    assert found.window_s == pytest.approx(40.0)
-
-
 @pytest.mark.parametrize(("offset", "step", "rel"), [(2.0, None, 1e-9), (1e4, 0.7, 1e-8), (1e4, 25.0, 1e-8)])
 def test_mean_and_gain_are_those_of_each_window(offset, step, rel):
     """Far from zero readings are rounded to 1e-12 of their scatter."""

@@ -50,16 +50,6 @@ QUANTITIES = {
 # The law of propagation
 
 
-def test_first_order_system_against_its_closed_form():
-    a, b, cov = 0.8, 0.5, np.array([[1e-4, 3e-5], [3e-5, 4e-4]])
-    model = NarxModel.from_terms({"y(k-1)": a, "u(k-1)": b}, sample_time=SAMPLE_TIME, theta_cov=cov)
-    q = np.exp(-1j * OMEGA * SAMPLE_TIME)
-    gradient = np.stack([b * q**2 / (1 - a * q) ** 2, q / (1 - a * q)], axis=-1)
-    parts = np.stack([gradient.real, gradient.imag], axis=1)
-    found = propagate(model, partial(gfrf, order=1, omega=OMEGA))
-    np.testing.assert_allclose(found.covariance, parts @ cov @ parts.swapaxes(1, 2), rtol=1e-10, atol=1e-18)
-
-
 def test_gain_and_phase_against_differences_of_both():
     found = propagate(nonlinear(), QUANTITIES["H_1"])
     x, y, step = found.values.real, found.values.imag, 1e-6
