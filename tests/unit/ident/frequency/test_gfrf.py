@@ -1,8 +1,7 @@
-"""Frequency responses of orders 1 to 4 against closed forms, a transcription, differences and Monte Carlo."""
+"""Frequency responses against closed forms and differences, on grids and points; those of any model are in tests/property."""
 
-import cmath
 from dataclasses import replace
-from itertools import permutations, product
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -70,52 +69,6 @@ LAGGED = {
     "y(k-1)y(k-2)u(k)u(k-3)": 0.35,
     "y(k-2)^2y(k-3)^2": -0.4,
 }
-
-
-class Transcribed:
-    """The recursion as it is printed, eq. 18 to 20 of Peyton Jones and Billings, for one set of frequencies."""
-
-    def __init__(self, model):
-        self.c = {}
-        for term, value in zip(model.terms, model.theta, strict=True):
-            lags = [[v.lag for v in term.expanded if v.kind == kind] for kind in "yu"]
-            self.c.setdefault((len(lags[0]), len(lags[1])), []).append((tuple(lags[0] + lags[1]), value))
-
-    def h(self, w):
-        n = len(w)
-        total = sum(c * cmath.exp(-1j * sum(w[i] * k[i] for i in range(n))) for k, c in self.c.get((0, n), ()))
-        for q, p in product(range(1, n), range(1, n)):
-            if p <= n - q:
-                for k, c in self.c.get((p, q), ()):
-                    turned = cmath.exp(-1j * sum(w[n - q + i] * k[p + i] for i in range(q)))
-                    total += c * turned * self.hp(w[: n - q], p, k)
-        for p in range(2, n + 1):
-            total += sum(c * self.hp(w, p, k) for k, c in self.c.get((p, 0), ()))
-        return total / (1 - sum(c * cmath.exp(-1j * sum(w) * k[0]) for k, c in self.c.get((1, 0), ())))
-
-    def hp(self, w, p, k):
-        n = len(w)
-        if p == 1:
-            return self.h(w) * cmath.exp(-1j * sum(w) * k[0])
-        return sum(
-            self.h(w[:i]) * self.hp(w[i:], p - 1, k) * cmath.exp(-1j * sum(w[:i]) * k[p - 1])
-            for i in range(1, n - p + 2)
-        )
-
-
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_the_response_is_the_mean_of_the_recursion_as_printed(order):
-    """And neither the order of the frequencies nor the sign of all of them matters."""
-    model = NarxModel.from_terms(LAGGED, sample_time=SAMPLE_TIME)
-    omega = random_omega(order, 8)
-
-    def printed(w):
-        return np.array([Transcribed(model).h(tuple(each)) for each in w * SAMPLE_TIME])
-
-    symmetric = gfrf(model, order, omega).values
-    np.testing.assert_allclose(symmetric, mean_over_permutations(printed, omega), rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(symmetric, gfrf(model, order, omega[:, ::-1]).values, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(symmetric.conj(), gfrf(model, order, -omega).values, rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])

@@ -8,6 +8,7 @@ from made_fleet import GAINS, NOISE, STEP, made_fleet, made_up, of_second_degree
 
 from deatwin.ident.frequency import gfrf
 from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import fleet as module
 from deatwin.ident.narx.fleet import (
     DEGREES,
     FILM,
@@ -120,11 +121,10 @@ def test_the_shortest_of_equally_good_structures(monkeypatch: pytest.MonkeyPatch
     least, noise = np.array([0.1, 0.2, 0.3]), 0.01 * np.array([-1.0, 0.0, 1.0])
     errors = {("a", "b", "c"): least, ("a", "b"): least + noise + 0.003, ("a",): least + 0.1, ("a", "d"): least + 0.05}
     calls = iter(passed)
-    monkeypatch.setattr("deatwin.ident.narx.fleet._passed", lambda *_: next(calls))
+    monkeypatch.setattr(module, "_passed", lambda *_: next(calls))
     rows = iter(range(3))
     monkeypatch.setattr(
-        "deatwin.ident.narx.fleet._free_run_errors",
-        lambda structures, *_: [errors[s][i] for i in [next(rows)] for s in structures],
+        module, "_free_run_errors", lambda structures, *_: [errors[s][i] for i in [next(rows)] for s in structures]
     )
     structure, chosen, tried = choose_structure(records, plan_of())
     assert structure == ("a", "b") and tried == 4  # type: ignore[comparison-overlap]
