@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 
 def set_signals(model: Any) -> None:
-    """Make names and units of a frozen model tuples and its provenance read-only; ModelError unless they are texts and
-    each signal has one name of its own and one unit."""
+    """Make names, units and provenance of a frozen model read-only; ModelError unless they are texts that agree."""
     for side in ("input", "output"):
         names, units = texts(getattr(model, f"{side}_names")), texts(getattr(model, f"{side}_units"))
         if not all(isinstance(text, str) for text in (*names, *units)):

@@ -59,10 +59,7 @@ class LeastSquares:
     """
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
-        """Return the estimate for the regressors `rows` (n_terms, n_samples) and the output `target` (n_samples,).
-
-        ``theta_cov`` is ``s^2 (P'P)^-1``, with the residual variance s^2 and the regressors P as columns.
-        """
+        """Return the estimate for `rows` (n_terms, n) and `target` (n,); ``theta_cov`` is ``s^2 (P'P)^-1``."""
         n_terms, n = rows.shape
         if n <= n_terms:
             raise ModelError(f"{n} samples do not determine {n_terms} parameters and the noise")

@@ -204,8 +204,7 @@ def _candidates(data: Regression, lags: tuple[int, ...], degree: int) -> TermTab
 
 
 def _long_errors(process: Regression) -> tuple[Array, ...]:
-    """Return e, (n_outputs, n) by recording, zero at first: many lags come near to any invertible noise model (Hannan,
-    Rissanen, Biometrika 69 (1982) 81-94); process terms alone would be biased towards it."""
+    """Return e, (n_outputs, n) by recording, of many lags (Hannan, Rissanen, Biometrika 69 (1982) 81-94)."""
     record = process.recordings[0]
     outputs, inputs = len(record.outputs), len(record.inputs)
     shortest = min(r.n_samples for r in process.recordings)

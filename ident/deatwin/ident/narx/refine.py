@@ -71,8 +71,7 @@ class Joined:
         return np.split(values, self.ends[:-1] - first * np.arange(1, self.ends.size))
 
     def rows(self, model: NarxModel, table: TermTable, first: int, outputs: Array) -> Array:
-        """Evaluate terms of the signals about the model's origins from sample `first` of each recording on, with given
-        `outputs` (1, n); returns (n_terms, n_computed)."""
+        """Evaluate terms about the model's origins from sample `first` on; returns (n_terms, n_computed)."""
         rows = table.rows(*model.about_origin(self.inputs, outputs), first, self.outputs.shape[1])
         return rows if self.ends.size == 1 else rows[:, self.samples(first) - first]
 
@@ -176,8 +175,7 @@ def refine(
 def extensions(
     model: NarxModel, recordings: tuple[Recording, ...], candidates: Iterable[Term], *, max_terms: int
 ) -> Iterator[NarxModel]:
-    """Yield the refined model and its successors, each larger by the term that to first order lowers the free-run error
-    most: the run's response to it, orthogonal to the sensitivities, projected on the error."""
+    """Yield the refined model and its successors, each larger by the term that to first order lowers the error most."""
     left = [term for term in candidates if term not in model.terms]
     larger = least_error(model, recordings)
     yield larger
@@ -191,8 +189,7 @@ def extensions(
 
 
 def prunings(model: NarxModel, recordings: tuple[Recording, ...], *, n_terms: int) -> Iterator[NarxModel]:
-    """Yield the refined model and its successors, each without the term that to first order raises the free-run error least,
-    the square of its parameter over its variance, until none can be removed; an interrupt reaches the caller."""
+    """Yield the refined model and its successors, each without the term that to first order raises the error least."""
     smaller: NarxModel | None = least_error(model, recordings)
     while smaller is not None:
         yield smaller
@@ -249,14 +246,12 @@ def _with_term(model: NarxModel, term: Term) -> NarxModel:
 
 
 def sensitivities(model: NarxModel, joined: Joined) -> Array:
-    """Derivatives of free runs by parameters, (n_computed, n_terms): s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the
-    slopes a_l of f by y(k-l), as one banded triangular system."""
+    """Derivatives of free runs by parameters, (n_computed, n_terms): s(k) = f_theta(k) + sum_l a_l(k) s(k-l)."""
     return _responses(model, joined, joined.sound_run(model), model.table)
 
 
 def _responses(model: NarxModel, joined: Joined, run: Array, table: TermTable) -> Array:
-    """Return the change of a run (1, n) by small coefficients of terms, in the model or not, shape (n_computed,
-    n_terms)."""
+    """Return the change of a run (1, n) by small coefficients of any terms, shape (n_computed, n_terms)."""
     from scipy.linalg.lapack import dtbtrs
 
     first = max(model.table.max_lag, table.max_lag)
@@ -316,8 +311,7 @@ class _Search:
         self.best, self.least, self.steps = model.theta, np.inf, 0
 
     def run(self, tolerance: float) -> None:
-        """Search for the least error by Gauss-Newton steps in a trust region. Outputs and sensitivities are scaled to
-        about 1 by powers of two, which do not round, so that the result does not depend on units."""
+        """Search by Gauss-Newton steps in a trust region; scales are powers of two, so that units change no digit."""
         from scipy.optimize import least_squares
 
         start = self.jacobian(self.model.theta)

@@ -54,8 +54,7 @@ def require_alike(recordings: Sequence[Recording]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """Regression y = Phi theta + e of candidates. Origins are subtracted from the signals, which are then divided by
-    the power of two just above their largest size: no regressor exceeds 1, and the conversion back is exact."""
+    """Regression y = Phi theta + e of candidates, about origins and scaled to at most 1 by powers of two."""
 
     table: TermTable  # Candidate terms
     recordings: tuple[Recording, ...]  # Training data

@@ -171,8 +171,7 @@ class Fit(Frozen):
 
 
 def gain_error(responses: Sequence[NarxResponse]) -> tuple[float, float] | None:
-    """Slope b of ``y - y_s = a + b y_s`` over the first output y_s, and its 95 % half width; None at rest.
-    Autocovariances are summed up to the first negative pair of lags (Geyer, Stat. Sci. 7 (1992) 473-483)."""
+    """Slope b of ``y - y_s = a + b y_s`` and its 95 % half width (Geyer, Stat. Sci. 7 (1992) 473); None at rest."""
     runs, readings = [run.outputs[0] for run in responses], [run.measured[0] for run in responses]
     swings = [run - run.mean() for run in runs]
     power = sum(float(swing @ swing) for swing in swings)

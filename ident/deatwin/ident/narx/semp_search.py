@@ -64,8 +64,7 @@ def grown(
 
 
 def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> bool:
-    """Return True if a larger model improves more than the best of equally many false candidates would, by the extended
-    Bayesian criterion with n divided by the correlation time of its errors."""
+    """Return True if a larger model improves beyond chance by the extended criterion, for correlated errors."""
     old, new = run_errors(model, data), run_errors(larger, data)
     n = max(1, int(sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)))
     squares = [float(np.mean(np.concatenate(errors) ** 2)) for errors in (old, new)]
@@ -364,8 +363,7 @@ class CompressedRegression:
         return solve_triangular(triangle, moments), max(float(left @ left), self._rounding)
 
     def larger(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models with one more independent candidate p = Q c + w, w orthogonal to the terms Q R: its
-        parameter is w'y/w'w, and the others solve R theta = Q'y - c w'y/w'w."""
+        """Return the models with one more independent candidate p = Q c + w: its parameter is w'y/w'w."""
         basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
         along = self.rows @ basis
         across = self.rows - along @ basis.T

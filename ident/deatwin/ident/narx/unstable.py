@@ -43,8 +43,7 @@ class RecordedPole:
 
 
 def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> RecordedPole | None:
-    """Return the largest pole of recordings whose inputs act from `first_lag` on; None if they are too short, or if it
-    cannot be the plant's, as after a low pass of the readings, which looks ahead."""
+    """Return the largest pole of recordings, inputs acting from `first_lag` on; None if it cannot be the plant's."""
     signals = _scaled(recordings)
     n_inputs, n_outputs = len(signals[0][0]), len(signals[0][1])
     n_samples, width = sum(outputs.shape[1] for _, outputs in signals), n_inputs + n_outputs
@@ -113,8 +112,7 @@ def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple
 
 
 def _largest(theta: Array, covariance: Array, noise: Array) -> tuple[RecordedPole, Array]:
-    """Return the companion matrix' largest eigenvalue with its standard deviation, and the drive of its mode by output.
-    Shapes: `theta` (lags * n_outputs, n_outputs); `covariance` (X'X)^-1 of its rows; `noise` (n_outputs, n_outputs)."""
+    """Return the companion matrix' largest eigenvalue, its standard deviation, and the drive of its mode by output."""
     from scipy.linalg import eig
 
     n_outputs = theta.shape[1]
@@ -259,8 +257,7 @@ def _sized(pole: complex, interval: tuple[float, float]) -> str:
 def unstable_model(
     model: NarxModel, recordings: Sequence[Recording], recorded: Recorded, *, diverged: bool
 ) -> Unstable | None:
-    """Return a model's unstable pole at the recordings' mean, or None if in doubt. A limit cycle is bounded too, so the
-    free run must have diverged, or the recordings must certainly have an unstable pole."""
+    """Return a model's unstable pole at the recordings' mean, or None if in doubt, as of a limit cycle."""
     poles = poles_at(model, recordings)
     if (
         not poles.size

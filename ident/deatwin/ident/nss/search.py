@@ -148,8 +148,7 @@ def _directions(rows: Array, size: Array) -> tuple[Array, Array, Array, Array, N
 
 
 def covariance(point: Point, rows: Array, records: Sequence[Record]) -> tuple[Array, Array]:
-    """Return the covariance (n_theta, n_theta) of the weights, zero along the states' coordinates, and noise variances;
-    `rows`, (n + 1, n + 1), is the `triangle` at the point."""
+    """Return the weights' covariance, zero along the states' coordinates, and noise variances, by the `triangle`."""
     rows = rows[:, :-1]
     scale, _, values, right, seen = _directions(rows, np.linalg.norm(rows, axis=0))
     rank, samples = int(seen.sum()), sum(record.fitted for record in records)

@@ -194,8 +194,7 @@ class MovingParts:
 def correction(
     models: Models, before: Models, after: Models, span: Array, parts: Parts, read: Reading, size: int
 ) -> Complex:
-    """Return the first-order correction of a response for parameters that change with time, (n_times, n): the rates are
-    those between the models ``before`` and ``after`` each time, ``span`` (n_times,) samples apart."""
+    """Return the first-order correction, (n_times, n), by the rates of the models ``before`` and ``after``."""
     added = np.full((span.size, size), np.nan, dtype=np.complex128)
     step = max(_BLOCK // (3 * size), 1)
     for first in range(0, span.size, step):

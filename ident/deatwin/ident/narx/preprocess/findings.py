@@ -178,8 +178,7 @@ class _Channel:
 
 
 def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
-    """Find a linear trend, and significant drift of segment means beyond it; nothing is reported unless segments are
-    long compared with the correlation time, so that their means are nearly independent."""
+    """Find a linear trend, and drift of segment means beyond it where segments are long against the memory."""
     from scipy.special import fdtrc, stdtr
 
     y = channel.values
