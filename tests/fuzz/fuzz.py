@@ -21,7 +21,6 @@ READERS = (
     "deatwin.ident.narx.terms",
     "deatwin.ident.narx.trajectory",
     "deatwin.ident.narx.validate",
-    "deatwin.ident.narx.values",
     "deatwin.ident.narx.variables",
     "deatwin.ident.nss",
     "deatwin.plant.calibrated",

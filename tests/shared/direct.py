@@ -11,9 +11,9 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import HIGHEST_ORDER, gradient_at, require_one_input, values_at
+from deatwin.ident.frequency.linear import whole_order
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, one_period, representable
 from deatwin.ident.narx.model import NarxModel

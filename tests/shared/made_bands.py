@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from deatwin.ident.frequency.comparison.bands import BandMean
-from deatwin.ident.frequency.comparison.equality import Scatter
+from deatwin.ident.frequency.comparison.bands import BandMean, Scatter
 
 
 def mean(value: complex, variance: float = 0.0, gain: float = 2.0) -> BandMean:

@@ -2,9 +2,17 @@
 
 import numpy as np
 
-from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Fleet, identify_alike
-from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan
-from deatwin.ident.narx.fleet.records import VARIANTS, Prepared
+from deatwin.ident.narx.fleet import (
+    DEGREES,
+    LAGS,
+    OPERATING_INPUT,
+    VARIANTS,
+    Fleet,
+    Orders,
+    Plan,
+    Prepared,
+    identify_alike,
+)
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.fleet import fleet as fabricated

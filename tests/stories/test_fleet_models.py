@@ -9,7 +9,7 @@ from made_fleet import NOISE, of_second_degree, plan_of
 
 from deatwin.app.stories import story
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.fleet.records import FILM, RECORDED, STEADY, VARIANTS, Prepared
+from deatwin.ident.narx.fleet import FILM, RECORDED, STEADY, VARIANTS, Prepared
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet
 from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet

@@ -9,7 +9,7 @@ from pages import story_page
 
 from deatwin.ident.frequency import gfrf
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.fleet.alike import OPERATING_INPUT
+from deatwin.ident.narx.fleet import OPERATING_INPUT
 from deatwin.scenarios import frequency_analysis
 from deatwin.scenarios.frequency_analysis.actuators import actuators, anchor
 from deatwin.scenarios.frequency_analysis.known import known_systems

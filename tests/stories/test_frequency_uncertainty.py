@@ -8,7 +8,7 @@ import pytest
 from made_bands import mean
 from pages import story_page
 
-from deatwin.ident.frequency.comparison.fleet import shares_of
+from deatwin.ident.frequency.comparison.records import shares_of
 from deatwin.ident.frequency.uncertainty import beside_draws
 from deatwin.ident.frequency.uncertainty.propagate import propagate
 from deatwin.plant.fleet import TOLERANCES, Actuator, specification

@@ -8,7 +8,7 @@ import pytest
 from pages import story_page
 
 from deatwin.ident.narx import FitStatus, Frols
-from deatwin.ident.narx.standing_out import Margin
+from deatwin.ident.narx.spike_slab import Margin
 from deatwin.plant.errors import DataError
 from deatwin.plant.records import plain
 from deatwin.scenarios import svb_benchmark

@@ -8,7 +8,7 @@ from made_fleet import of_growing_gain
 from pages import story_page
 
 from deatwin.ident.narx import ThetaTrajectory, generate_terms
-from deatwin.ident.narx.fleet.alike import linear_in_output
+from deatwin.ident.narx.fleet import linear_in_output
 from deatwin.ident.narx.varying_systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk
 from deatwin.scenarios import time_varying
 from deatwin.scenarios.time_varying import study

@@ -10,7 +10,7 @@ from scipy.stats import binom
 
 from deatwin.ident.frequency import design_excitation, equilibrium, nofrf, nofrf_exact, sliding_mean_and_gain
 from deatwin.ident.frequency.output_responses import estimate
-from deatwin.ident.frequency.output_responses.levels import chebyshev_levels
+from deatwin.ident.frequency.output_responses.estimate import chebyshev_levels
 from deatwin.ident.frequency.output_responses.result import NofrfWarning
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.recording import Recording

@@ -11,8 +11,8 @@ from needs import COMPILED
 from deatwin.ident.frequency.comparison.compare import Agreement
 from deatwin.ident.frequency.comparison.records import compare_records
 from deatwin.ident.narx import generate_terms
-from deatwin.ident.narx.fleet.records import RECORDED, STEADY, as_variant, thinned
-from deatwin.ident.narx.rules import AtMost
+from deatwin.ident.narx.fleet import RECORDED, STEADY, as_variant, thinned
+from deatwin.ident.narx.terms import AtMost
 from deatwin.plant import Recording
 from deatwin.plant.fleet import Actuator, fleet
 

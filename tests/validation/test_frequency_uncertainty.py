@@ -24,7 +24,7 @@ Quantity = Callable[[NarxModel], FrequencyResponse]
 
 @pytest.mark.parametrize("name", CASES)
 def test_covariance_is_within_the_simultaneous_band_of_draws(name):
-    """That one which is off by 6 % is seen: tests/unit/ident/frequency/test_beside_draws.py."""
+    """That one which is off by 6 % is seen: tests/unit/ident/frequency/test_uncertainty.py."""
     found = spreads(CASES[name], (1,))
     assert all(one.strict.any() and one.largest <= one.allowed for one in found)
 

@@ -13,7 +13,7 @@ from scipy.stats import binom, chi2, norm
 
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.random_walk import ThetaSmoother
+from deatwin.ident.narx.recursive import ThetaSmoother
 from deatwin.plant.recording import Recording
 
 # ---- coverage: random walks as the smoother assumes them

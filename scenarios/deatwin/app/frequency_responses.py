@@ -16,7 +16,7 @@ from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, rem
 from deatwin.ident.frequency.gfrf import names_of
 from deatwin.ident.frequency.output_responses.estimate import nofrf
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
-from deatwin.ident.frequency.output_responses.ranges import output_frequencies
+from deatwin.ident.frequency.output_responses.powers import output_frequencies
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
 from deatwin.ident.narx import NarxModel, Reliance

@@ -36,7 +36,7 @@ def outlying(training: Sequence[Recording]) -> list[str]:
 def biased_by_noise(model: NarxModel, training: Sequence[Recording], unseen: Sequence[Recording]) -> list[str]:
     """Return a sentence if the free-run fit of the same terms is significantly better on held-out data."""
     from deatwin.ident.narx import refine
-    from deatwin.ident.narx.growth import worse
+    from deatwin.ident.narx.semp_search import worse
     from deatwin.plant.errors import ModelError
     from deatwin.plant.prefixes import with_unit
 

@@ -10,9 +10,8 @@ import numpy as np
 from deatwin.app.identify_periodic import periodic_drawing
 from deatwin.ident.look import BestLinearApproximation
 from deatwin.ident.narx import NarxModel, NarxResponse, Unstable, Validation
-from deatwin.ident.narx.names import symbols_of
-from deatwin.ident.narx.shown import shown_units
-from deatwin.ident.narx.written import origins
+from deatwin.ident.narx.variables import symbols_of
+from deatwin.ident.narx.written import origins, shown_units
 from deatwin.ident.nss import NonlinearStateSpace
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.drawing import envelope, plain_numbers

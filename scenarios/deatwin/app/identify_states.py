@@ -36,8 +36,7 @@ def identify_states(
 
     from deatwin.app.identify_report import Identified, Tested, linear_errors
     from deatwin.ident.narx import FitStatus
-    from deatwin.ident.narx.recorded_pole import recorded_pole
-    from deatwin.ident.narx.unstable import unstable_pole_lacked
+    from deatwin.ident.narx.unstable import recorded_pole, unstable_pole_lacked
     from deatwin.plant.prefixes import with_unit
     from deatwin.plant.recording import label
 

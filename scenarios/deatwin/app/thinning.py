@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.ident.narx import Frols, NarxModel
-from deatwin.ident.narx.assessed import hold_out
 from deatwin.ident.narx.preprocess import SamplingChoice, SamplingStatus, choose_sampling, decimate
+from deatwin.ident.narx.reliance import hold_out
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from deatwin.app.cli import main
 from deatwin.app.identify_noise import biased_by_noise
 from deatwin.ident.narx import SvbNarx
-from deatwin.ident.narx.assessed import hold_out
+from deatwin.ident.narx.reliance import hold_out
 from deatwin.ident.nss import NonlinearStateSpace, search
 from deatwin.plant.excitation import random_odd_harmonics, random_phase_multisine
 from deatwin.plant.recording import Recording

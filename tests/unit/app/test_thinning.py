@@ -9,8 +9,8 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from deatwin.app.cli import main
 from deatwin.app.thinning import lost, thinned
 from deatwin.ident.narx import Frols
-from deatwin.ident.narx.assessed import hold_out
 from deatwin.ident.narx.preprocess import choose_sampling
+from deatwin.ident.narx.reliance import hold_out
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime

@@ -31,12 +31,12 @@ ROUNDING = 1e-13
 
 
 def simulated(model: NarxModel, inputs: np.ndarray) -> np.ndarray:
-    """Free run from a past of zeros, shape (n, n_outputs)."""
+    """Free run from rest at the model's origins, shape (n, n_outputs)."""
     lag = model.deterministic.table.max_lag
-    padded = np.hstack([np.zeros((len(inputs), lag)), inputs])
+    padded = np.hstack([np.tile(model.input_origin[:, None], lag), inputs])
     record = Recording(
         inputs=padded,
-        outputs=np.zeros((model.n_outputs, padded.shape[1])),
+        outputs=np.tile(model.output_origin[:, None], padded.shape[1]),
         sample_time=model.sample_time,
         input_names=model.input_names,
         output_names=model.output_names,
@@ -47,11 +47,16 @@ def simulated(model: NarxModel, inputs: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "terms", [SINGLE, TWO, {"u(k)": 2.0}, {"y(k-1)": 0.5, "u(k-1)": 1.0, "u(k-1)e(k-1)": 0.3}, BENT]
+    ("terms", "about"),
+    [
+        *((terms, {}) for terms in (SINGLE, TWO, {"u(k)": 2.0}, BENT)),
+        ({"y(k-1)": 0.5, "u(k-1)": 1.0, "u(k-1)e(k-1)": 0.3}, {}),
+        (SINGLE, {"input_origin": [40.0], "output_origin": [300.0]}),
+    ],
 )
-def test_the_source_computes_what_the_model_simulates(terms: Any, run_c: Any) -> None:
-    model = NarxModel.from_terms(terms, sample_time=0.02)
-    inputs = np.random.default_rng(0).uniform(-1.0, 1.0, (len(model.input_names), 300))
+def test_the_source_computes_what_the_model_simulates(terms: Any, about: Any, run_c: Any) -> None:
+    model = NarxModel.from_terms(terms, sample_time=0.02, **about)
+    inputs = np.random.default_rng(0).uniform(-1.0, 1.0, (len(model.input_names), 300)) + model.input_origin[:, None]
     found, status = run_c(narx_source(model), inputs.T)
     expected = simulated(model, inputs)
     assert np.abs(expected).max() > 0.1

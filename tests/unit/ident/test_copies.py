@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from public import PUBLIC
 
-from deatwin.ident.frequency import gfrf
+from deatwin.ident.frequency import design_excitation, gfrf, nofrf
 from deatwin.ident.look import best_linear_approximation, look_at
 from deatwin.ident.narx import Fixed, ThetaPosterior, excitation, free_run_band, validate
 from deatwin.ident.narx.preprocess import choose_sampling, estimate_dead_time
@@ -65,6 +65,7 @@ def test_a_fitted_estimator_and_what_it_learned_can_be_copied(name, again):
 def results():
     """What functions of the public border return for a recording and a model."""
     record, model, rng = recorded(), fitted("Fixed").model_, np.random.default_rng(1)
+    signal = design_excitation((1.0, 5.0), 0.01, amplitude=0.5)
     return {
         "look": look_at(record),
         "best linear approximation": best_linear_approximation(record),
@@ -78,6 +79,8 @@ def results():
         "recording": replace(record, extras={"temperature": record.outputs[0]}),
         "simulation": model.simulate(record),
         "response": gfrf(model, 1, [1.0, 2.0]),
+        "test signal": signal,
+        "orders": nofrf(model, signal, 1),
         "excitation": excitation(record),
     }
 
@@ -101,4 +104,4 @@ def test_results_can_be_copied(again):
         other = again(result)
         assert type(other) is type(result) and vars(other).keys() >= {field.name for field in fields(result)}, name
         assert "__str__" not in vars(type(result)) or str(other) == str(result), name
-        assert read_only(other) == read_only(result), name
+        assert read_only(other) == read_only(result) and (all(read_only(other).values()) or name == "look"), name

@@ -13,7 +13,7 @@ from deatwin.ident.narx.document import fields_of
 from deatwin.ident.narx.lasso import LassoPath
 from deatwin.ident.narx.linear import LinearModel
 from deatwin.ident.narx.linear.model import fields_of as linear_fields_of
-from deatwin.ident.narx.predictive import one_step_band
+from deatwin.ident.narx.posterior import one_step_band
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections
 from deatwin.ident.narx.preprocess.orders import OrderChoice, OrderTrial, TrialStatus
 from deatwin.plant import Experiment, Plant, Recording

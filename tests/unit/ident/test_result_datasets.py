@@ -28,7 +28,7 @@ from deatwin.ident.mismatch.locate.response import ResponseDifference
 from deatwin.ident.mismatch.locate.time import Times, Window
 from deatwin.ident.mismatch.locate.track import Track
 from deatwin.ident.mismatch.naming.decide import Distance
-from deatwin.ident.narx.pruning import PruningStep
+from deatwin.ident.narx.svb import PruningStep
 from deatwin.ident.narx.terms import Term
 from deatwin.plant import Diaphragm, Parameter, Plant, ReadingTime, Recording
 from deatwin.plant.effects.base import Place

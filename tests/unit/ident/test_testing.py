@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from deatwin.ident.narx import Frols, Grow, Semp, SvbNarx
-from deatwin.ident.narx.estimate import TotalLeastSquares
+from deatwin.ident.narx.estimate import Bayesian, Ridge, TotalLeastSquares
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.noise import Narmax
 from deatwin.ident.narx.regression import flatten
-from deatwin.ident.narx.rules import AtMost
-from deatwin.ident.narx.shrinkage import Bayesian, Ridge
+from deatwin.ident.narx.terms import AtMost
 from deatwin.ident.testing import CHECKS, ContractError, check_identifier, example_recordings
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.recording import Experiment, Recording

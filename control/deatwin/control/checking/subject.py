@@ -34,7 +34,7 @@ from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop, predict_loop
 from deatwin.control.progress import Progress, part
 from deatwin.control.stability.bands import band_margins
-from deatwin.ident.frequency.uncertainty.parameters import draw_theta
+from deatwin.ident.frequency.uncertainty.regions import draw_theta
 from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.ident.narx.excited import Excitation
 from deatwin.ident.narx.residual import Residual

@@ -15,9 +15,8 @@ from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.narx import signals_of
 from deatwin.control.linear.realisation import Realisation
 from deatwin.ident.arguments import keep_read_only, read_only, real_numbers
-from deatwin.ident.frequency.checks import polynomial_model
 from deatwin.ident.frequency.dc import equilibrium, expand
-from deatwin.ident.frequency.linear import levels, motion, operating_input_of
+from deatwin.ident.frequency.linear import levels, motion, operating_input_of, polynomial_model
 from deatwin.ident.frequency.many import follow_equilibrium, stable_polynomials
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.arrays import Array, Booleans

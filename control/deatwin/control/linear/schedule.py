@@ -15,7 +15,7 @@ from deatwin.control.arguments import generator, taking, whole
 from deatwin.control.linear.bands import FamilyBands
 from deatwin.control.linear.family import linearise_many
 from deatwin.control.linear.plant import draw_plants, linearise_plants
-from deatwin.ident.frequency.uncertainty.parameters import draw_theta
+from deatwin.ident.frequency.uncertainty.regions import draw_theta
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.datasets import Metadata, coordinate

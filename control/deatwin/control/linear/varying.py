@@ -14,7 +14,7 @@ from deatwin.control.arguments import generator, instance, taking, whole
 from deatwin.control.linear.bands import FamilyBands
 from deatwin.control.linear.family import LinearFamily, linearise_many
 from deatwin.control.progress import Progress
-from deatwin.ident.frequency.uncertainty.parameters import draw_theta
+from deatwin.ident.frequency.uncertainty.regions import draw_theta
 from deatwin.ident.frequency.varying.along_time import checked_inputs, checked_times
 from deatwin.ident.frequency.varying.following import followed
 from deatwin.ident.narx.trajectory import ThetaTrajectory

@@ -17,7 +17,7 @@ from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.progress import Progress
 from deatwin.ident.arguments import keep_read_only
 from deatwin.ident.frequency import equilibrium
-from deatwin.ident.frequency.uncertainty.parameters import draw_theta
+from deatwin.ident.frequency.uncertainty.regions import draw_theta
 from deatwin.ident.narx import NarxModel, Variable
 from deatwin.ident.narx.residual import Residual
 from deatwin.ident.narx.response import divergence_limit

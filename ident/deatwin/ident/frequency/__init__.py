@@ -8,8 +8,7 @@ from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.frequency.linear import LinearPart, linear_part
 from deatwin.ident.frequency.output_responses.estimate import nofrf, nofrf_exact
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
-from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
-from deatwin.ident.frequency.output_responses.ranges import output_frequencies
+from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum, output_frequencies
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.response import Band, FrequencyResponse, FrequencyStatus
 from deatwin.ident.frequency.spectrum import output_orders, output_spectrum

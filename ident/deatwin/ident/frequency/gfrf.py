@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.ident.arguments import real_numbers
-from deatwin.ident.frequency.checks import polynomial_model, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
-from deatwin.ident.frequency.hierarchy import products_of, solve_parts
+from deatwin.ident.frequency.hierarchy import Tones, blocks_of, products_of, solve_parts
+from deatwin.ident.frequency.linear import polynomial_model, whole_order
 from deatwin.ident.frequency.many import gfrf_of_many
-from deatwin.ident.frequency.parts import Tones, blocks_of
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.names import symbols_of
+from deatwin.ident.narx.variables import symbols_of
 from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.errors import ModelError, nearest
 

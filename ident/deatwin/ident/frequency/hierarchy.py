@@ -8,14 +8,18 @@ recursion of Peyton Jones and Billings (Int. J. Control 50 (1989) 1925-1940, doi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from math import factorial, prod
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.errors import ModelError
 
 Array = NDArray[Any]
 Feedback = Sequence[tuple[int, Array]]
@@ -164,3 +168,182 @@ def _sum(a: Jet | None, b: Jet) -> Jet:
 def _product(a: Jet, b: Jet) -> Jet:
     slopes = [other.value * jet.slope for jet, other in ((a, b), (b, a)) if jet.slope is not None]
     return Jet(a.value * b.value, sum(slopes[1:], slopes[0]) if slopes else None)
+
+
+_ROUNDING = 64 * np.finfo(float).eps  # relative size of what rounding leaves of a sum that is zero
+
+
+class Tones:
+    """Parts that are sets of tones, each a bit of the part's number. Shapes: `angles`, one for each tone; `rows` (order,)."""
+
+    # The input is a sum of tones e^(jw_i k); the part of all n tones in the output is n! times the symmetric H_n.
+
+    def __init__(self, angles: Sequence[Array], rows: Sequence[int] = ()) -> None:
+        self.count = len(angles)
+        self._rows = tuple(rows) or (0,) * self.count
+        self.whole = (1 << self.count) - 1
+        self._single = [np.exp(-1j * angle) for angle in angles]
+        self._powers: dict[tuple[int, int], Array] = {}
+
+    @property
+    def repeats(self) -> int:
+        """Number of times that H_n occurs in the component of all tones."""
+        return factorial(self.count)
+
+    @cached_property
+    def order(self) -> Sequence[int]:
+        """All sets, small ones first."""
+        return sorted(range(1, self.whole + 1), key=lambda part: part.bit_count())
+
+    def splits(self, part: int) -> Iterable[tuple[int, int]]:
+        """Return all ways to split a set in two; either part may come first."""
+        last = (part - 1) & part
+        while last:
+            yield part ^ last, last
+            last = (last - 1) & part
+
+    def input(self, part: int, lag: int, row: int) -> Array | None:
+        """Return a delayed tone; zero for a set of several tones, which the input does not contain."""
+        alone = part.bit_count() == 1 and self._rows[part.bit_length() - 1] == row
+        return self._shift(part, lag) if alone else None
+
+    def delayed(self, values: Array, part: int, lag: int) -> Array:
+        """Multiply a part (..., n) by the phase factor of a delay at the sum of its tones' frequencies."""
+        return values * self._shift(part, lag)
+
+    def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
+        """Divide by 1 - sum_l a_l e^(-jwl) at the sum of the set's frequencies. Shapes: `values` (..., n)."""
+        return values / _denominator(feedback, self._shift(part, 1), lambda lag: self._shift(part, lag))
+
+    def _shift(self, part: int, lag: int) -> Array:
+        """Return e^(-jwl) at the sum of a set's frequencies, as a product over its tones."""
+        if (part, lag) not in self._powers:
+            if lag == 0:
+                shift = np.ones_like(self._single[0])
+            elif lag == 1:
+                first = part & -part
+                shift = self._single[first.bit_length() - 1]
+                shift = shift if part == first else shift * self._shift(part ^ first, 1)
+            else:
+                shift = self._shift(part, lag // 2) * self._shift(part, lag - lag // 2)
+            self._powers[part, lag] = shift
+        return self._powers[part, lag]
+
+
+class Orders:
+    """Parts of a periodic output by order, that is, by the power of the input's size. Shapes: `excitation` (..., n)."""
+
+    def __init__(self, excitation: Array, highest: int) -> None:
+        self.excitation = np.atleast_2d(excitation)
+        self.n_samples = self.excitation.shape[1]
+        self.order: Sequence[int] = range(1, highest + 1)
+        self._turn = np.exp(-2j * np.pi * np.arange(self.n_samples // 2 + 1) / self.n_samples)
+
+    def splits(self, part: int) -> Iterable[tuple[int, int]]:
+        """Return all pairs of orders that add up to an order."""
+        return ((part - last, last) for last in range(1, part))
+
+    def input(self, part: int, lag: int, row: int) -> Array | None:
+        """Return the delayed input, which belongs to order one only."""
+        return np.roll(self.excitation[row], lag) if part == 1 else None
+
+    def delayed(self, values: Array, part: int, lag: int) -> Array:
+        """Delay a part within the period. Shapes: `values` (..., n)."""
+        return np.roll(values, lag, axis=-1)
+
+    def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
+        """Filter a part in the frequency domain, which is exact in the steady state. Shapes: `values` (..., n)."""
+        denominator = _denominator(feedback, self._turn, lambda lag: self._turn**lag)
+        return np.fft.irfft(np.fft.rfft(values) / denominator, self.n_samples)
+
+
+class CrossOrders(Orders):
+    """Parts of the output with given powers of each input. Shapes: `excitation` (n_inputs, n); `powers` (n_inputs,)."""
+
+    # A part's number has one digit per input, its power. The base is so large that adding two parts never carries.
+
+    def __init__(self, excitation: Array, powers: Sequence[int]) -> None:
+        super().__init__(excitation, 1)
+        self._base = 1 + max(powers)
+        self._powers = {self._number(each): each for each in itertools.product(*(range(power + 1) for power in powers))}
+        del self._powers[0]
+        self.order = sorted(self._powers, key=lambda part: sum(self._powers[part]))
+        self.whole = self._number(powers)
+
+    def _number(self, powers: Sequence[int]) -> int:
+        return sum(power * self._base**row for row, power in enumerate(powers))
+
+    def splits(self, part: int) -> Iterable[tuple[int, int]]:
+        """Return all ways to divide the powers of a part between two parts; either may come first."""
+        for each in itertools.product(*(range(power + 1) for power in self._powers[part])):
+            first = self._number(each)
+            if first not in (0, part):
+                yield first, part - first
+
+    def input(self, part: int, lag: int, row: int) -> Array | None:
+        """Return the delayed input of a row as the part with its first power."""
+        return np.roll(self.excitation[row], lag) if part == self._base**row else None
+
+
+def _denominator(feedback: Feedback, turn: Array, shift: Callable[[int], Array]) -> Array:
+    """Return 1 - sum_l a_l e^(-jwl), which must not be zero; ``turn`` is e^(-jw) and ``shift(l)`` is e^(-jwl)."""
+    denominator, size = np.ones_like(turn), np.ones(1)
+    for lag, a in feedback:
+        denominator = denominator - a * shift(lag)
+        size = size + np.abs(a)
+    poles = np.abs(denominator) <= _ROUNDING * size
+    if poles.any():
+        where = np.broadcast_to(turn, denominator.shape)[poles][0]
+        raise ModelError(
+            f"the linear part has a pole on the unit circle, at {abs(np.angle(where)) / (2 * np.pi):.6g} times the "
+            "sampling rate: no response is finite where frequencies add to that; leave them out"
+        )
+    return denominator
+
+
+def blocks_of(
+    angles: Array, size: int, rows: Sequence[int] = ()
+) -> tuple[tuple[int, ...], Iterator[tuple[tuple[slice, ...], Tones]]]:
+    """Cut frequencies into blocks. Shapes: `angles` (n, order); `rows` (order,) of the inputs."""
+    axes = _axes(angles)
+    if axes is None:
+        lines = ((part,) for part in _cut(len(angles), size))
+        return (len(angles),), ((block, Tones(list(angles[block].T), rows)) for block in lines)
+    shape = tuple(axis.size for axis in axes)
+    lengths = list(shape)
+    while prod(lengths) > size:  # halving the longest side keeps blocks nearly cubic, with small faces
+        longest = int(np.argmax(lengths))
+        lengths[longest] = -(-lengths[longest] // 2)
+    boxes = itertools.product(*(_cut(n, length) for n, length in zip(shape, lengths, strict=True)))
+    return shape, ((box, Tones(_sparse(axes, box), rows)) for box in boxes)
+
+
+def _sparse(axes: Sequence[Array], box: Sequence[slice]) -> Sequence[Array]:
+    """Return the frequencies of each tone in a box of a grid, along an axis of its own."""
+    return np.meshgrid(*[axis[cut] for axis, cut in zip(axes, box, strict=True)], indexing="ij", sparse=True)
+
+
+def _cut(count: int, length: int) -> list[slice]:
+    return [slice(first, first + length) for first in range(0, count, length)]
+
+
+def _axes(angles: Array) -> list[Array] | None:
+    """Return the frequencies of each tone if the points are all their combinations, the last one varying fastest."""
+    lengths, stride = [], len(angles)
+    for column in angles.T:
+        changed = column != column[0]
+        step = int(np.argmax(changed)) if changed.any() else stride
+        if step > stride or stride % step:
+            return None
+        lengths.append(stride // step)
+        stride = step
+    if stride != 1:
+        return None
+    axes = []
+    grid = angles.reshape(*lengths, angles.shape[1])
+    for tone in range(angles.shape[1]):
+        along = np.moveaxis(grid[..., tone], tone, -1)
+        axes.append(along[(0,) * (len(lengths) - 1)])
+        if np.any(along != axes[-1]):
+            return None
+    return axes

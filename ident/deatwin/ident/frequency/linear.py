@@ -1,18 +1,36 @@
-"""The linear part of a NARX model about an equilibrium, and how it depends on the parameters."""
+"""The linear part of a NARX model about an equilibrium, its dependence on the parameters, and checks of arguments."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.arguments import real_number, real_numbers
+from deatwin.ident.arguments import real_number, real_numbers, whole_number
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.variables import Variable, argument_of
 from deatwin.plant.arrays import Array
 from deatwin.plant.copies import Frozen
 from deatwin.plant.errors import ModelError
+
+
+def polynomial_model(model: Any) -> NarxModel:
+    """Return a NarxModel, after a check that its terms are polynomial; other functions have infinitely many orders."""
+    checked = require_model(model)
+    if checked.table.functions:
+        raise ModelError(
+            f"frequency analysis needs a polynomial model, but this model contains {checked.table.functions[0]}: identify it without "
+            "functions, or compute its response with best_linear_approximation from a simulation with a multisine"
+        )
+    return checked
+
+
+def whole_order(order: Any, highest: int | None = None) -> int:
+    """Return the order of a response, after a check."""
+    return whole_number(order, "order", 1, highest)
+
 
 _ROUNDING = 4 * np.finfo(float).eps
 

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency.dc import Equilibrium, expand
-from deatwin.ident.frequency.hierarchy import Jet, solve_parts
+from deatwin.ident.frequency.hierarchy import Jet, Orders, blocks_of, solve_parts
 from deatwin.ident.frequency.linear import levels
-from deatwin.ident.frequency.parts import Orders, blocks_of
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.arrays import Array, Complex

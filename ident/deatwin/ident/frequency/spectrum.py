@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.arguments import read_only, real_numbers
-from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import names_of
-from deatwin.ident.frequency.hierarchy import Jet, solve_parts
+from deatwin.ident.frequency.hierarchy import CrossOrders, Jet, Orders, solve_parts
+from deatwin.ident.frequency.linear import whole_order
 from deatwin.ident.frequency.many import spectrum_of_many
-from deatwin.ident.frequency.parts import CrossOrders, Orders
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import Array, Complex

@@ -5,8 +5,8 @@
 y(k) = 0.6 y(k-1) + 0.3 u(k-1)^2 + e(k)
 """
 
-from deatwin.ident.narx.assessed import assessed, hold_out
-from deatwin.ident.narx.estimate import LeastSquares, TotalLeastSquares
+from deatwin.ident.narx.document import OperatingRange
+from deatwin.ident.narx.estimate import Bayesian, LeastSquares, Ridge, TotalLeastSquares
 from deatwin.ident.narx.excited import Excitation, excitation, excited_band
 from deatwin.ident.narx.export import narx_source
 from deatwin.ident.narx.fixed import Fixed
@@ -16,14 +16,10 @@ from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.noise import Narmax
-from deatwin.ident.narx.operating import OperatingRange
-from deatwin.ident.narx.posterior import ThetaPosterior
-from deatwin.ident.narx.predictive import PredictiveBand, free_run_band, one_step_band
-from deatwin.ident.narx.pruning import PruningStep
-from deatwin.ident.narx.random_walk import ThetaSmoother
-from deatwin.ident.narx.recursive import Rls
+from deatwin.ident.narx.posterior import PredictiveBand, ThetaPosterior, free_run_band, one_step_band
+from deatwin.ident.narx.recursive import Rls, ThetaSmoother
 from deatwin.ident.narx.refine import refine
-from deatwin.ident.narx.reliance import Reliance, assess_reliance
+from deatwin.ident.narx.reliance import Reliance, assess_reliance, assessed, hold_out
 from deatwin.ident.narx.residual import Residual, free_run_residual
 from deatwin.ident.narx.residual_tests import CorrelationTest
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
@@ -31,8 +27,7 @@ from deatwin.ident.narx.robust import robust
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.semp_search import SempStep
 from deatwin.ident.narx.shapes import register_function
-from deatwin.ident.narx.shrinkage import Bayesian, Ridge
-from deatwin.ident.narx.svb import SvbNarx
+from deatwin.ident.narx.svb import PruningStep, SvbNarx
 from deatwin.ident.narx.terms import Term, TermTable, Variable, generate_terms
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.narx.unstable import Unstable

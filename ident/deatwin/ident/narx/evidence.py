@@ -33,9 +33,7 @@ def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
 
 
 def log_prior(n_terms: int, n_candidates: int) -> float:
-    """Return ln p(structure), nats, with equal probability for each number of terms (Scott, Berger, Ann. Statist. 38
-    (2010) 2587).
-    """
+    """Return ln p(structure), nats, by equally probable sizes (Scott, Berger, Ann. Statist. 38 (2010) 2587)."""
     m = n_candidates
     k = min(n_terms, m // 2)
     return float(gammaln(k + 1) + gammaln(m - k + 1) - gammaln(m + 1)) - log(m + 1)

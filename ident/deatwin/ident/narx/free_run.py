@@ -34,8 +34,7 @@ _HORIZONS = 4096  # runs simulated at once, whose regressors stay in the process
 def free_run(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, limit: float, equations: Sequence[int] | None = None
 ) -> tuple[Array, int | None]:
-    """Simulate without noise until `limit` is exceeded. Shapes: `theta` (n_terms,); `inputs` (n_inputs, n); `outputs`
-    (n_outputs, n); returns (n_outputs, n) and the sample of a divergence."""
+    """Simulate without noise until `limit` is exceeded; return (n_outputs, n) and the sample of a divergence."""
     quiet = [i for i, term in enumerate(table.terms) if all(v.kind != "e" for v, _ in term.factors)]
     terms = [table.terms[i] for i in quiet]
     belongs = None if equations is None else [equations[i] for i in quiet]
@@ -80,8 +79,7 @@ class March:
         alone: int | None = None,
         ends: Sequence[int] | Integers | None = None,
     ) -> March:
-        """Arrange terms: `known` signals (n_channels, n) by kind; `start` (n_marched, n) of the marched signals. By
-        default, all samples are of one recording."""
+        """Arrange terms over `known` signals (n_channels, n) by kind and the `start` (n_marched, n) of the run."""
         rows = [row for signal in known.values() for row in np.asarray(signal, dtype=np.float64)]
         heights = accumulate([0, *(len(signal) for signal in known.values())])
         begins = dict(zip(known, heights, strict=False))
@@ -121,8 +119,7 @@ class March:
     def run(
         self, theta: Array, *, limit: float | Array = math.inf, base: Array | None = None
     ) -> tuple[Array, int | None]:
-        """Run one model with all terms until a first divergence. Shapes: `theta` (n_terms,); `limit`, of one or of each
-        recording; `base`, added, and the result (n_marched, n)."""
+        """Run one model until a first divergence. Shapes: `theta` (n_terms,); `base`, the result (n_marched, n)."""
         x = self.start.copy()
         chosen = np.argsort(self.equations, kind="stable")
         theta = np.ascontiguousarray(theta, dtype=np.float64)[chosen]
@@ -143,8 +140,7 @@ class March:
     def squared_errors(
         self, chosen: Integers, theta: Array, *, limit: float | Array, sections: Sequence[int] | Integers | int = 1
     ) -> Array:
-        """Squared errors of many models over all sections, (n_models, n_sections), infinite if any diverges. Shapes:
-        `chosen`, `theta` (n_models, n_terms); `sections`, the number of each recording."""
+        """Squared errors (n_models, n_sections) of `chosen`, `theta` (n_models, n_terms); infinite if any diverges."""
         chosen = np.ascontiguousarray(chosen, dtype=np.int64)
         theta = np.ascontiguousarray(theta, dtype=np.float64)
         starts, stops = self._sections(sections)
@@ -302,8 +298,7 @@ def require_steps(steps: int, first: int, n_samples: int) -> None:
 def steps_ahead(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, steps: int, limit: float, equations: Sequence[int]
 ) -> tuple[Array, Booleans]:
-    """Predict each sample from outputs up to ``steps`` samples before it and all inputs, with no noise after those
-    outputs; return predictions (n_outputs, m) of the m last samples, and divergence flags (m,)."""
+    """Predict from outputs up to ``steps`` before; return (n_outputs, m) of the m last samples, divergences (m,)."""
     belongs = np.array(equations)
 
     weights = np.where(belongs == np.arange(len(outputs))[:, None], theta, 0.0)

@@ -7,9 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from deatwin.ident.arguments import probability, whole_number
-from deatwin.ident.narx.criteria import CRITERIA, criterion_values, free_run_errors, split
 from deatwin.ident.narx.estimate import Estimator, least_squares, require_estimator
-from deatwin.ident.narx.forward import SelectionStep, forward_selection
+from deatwin.ident.narx.forward import (
+    CRITERIA,
+    SelectionStep,
+    criterion_values,
+    forward_selection,
+    free_run_errors,
+    split,
+)
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression

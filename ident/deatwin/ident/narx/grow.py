@@ -9,15 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from deatwin.ident.arguments import probability, whole_number
-from deatwin.ident.narx.criteria import split
 from deatwin.ident.narx.estimate import least_squares
-from deatwin.ident.narx.excess import noisy_products
-from deatwin.ident.narx.forward import forward_selection
+from deatwin.ident.narx.forward import forward_selection, split
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
-from deatwin.ident.narx.joined import Joined
-from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.refine import at_least_error, extensions, least_error, prunings, with_correlated_error
+from deatwin.ident.narx.notes import late_inputs, noisy_products
+from deatwin.ident.narx.refine import Joined, at_least_error, extensions, least_error, prunings, with_correlated_error
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.arrays import Array

@@ -13,9 +13,15 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from deatwin.ident.narx.excess import excess_notes, noisy_products
-from deatwin.ident.narx.late_inputs import LAST_INPUT_LAGS, constant_inputs, last_lag, late_inputs
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.notes import (
+    LAST_INPUT_LAGS,
+    constant_inputs,
+    excess_notes,
+    last_lag,
+    late_inputs,
+    noisy_products,
+)
 from deatwin.ident.narx.regression import Recordings, Regression, about_data, about_rest, flatten, require_no_target
 from deatwin.ident.narx.shapes import own_functions, rebuilt
 from deatwin.ident.narx.terms import Lags, Rule

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, whole_number
-from deatwin.ident.narx.criteria import free_run_errors, split
 from deatwin.ident.narx.estimate import least_squares
+from deatwin.ident.narx.forward import free_run_errors, split
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression

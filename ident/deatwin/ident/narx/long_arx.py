@@ -180,8 +180,7 @@ class _Scores:
         return cls(last.T @ target, last * error[:, None] * np.sqrt(target.size / freedom), variance, freedom)
 
     def p_value(self, part: slice = slice(None)) -> float:
-        """Return the larger p-value of two tests of "these columns explain nothing": least squares, if one sample
-        decides, and Newey and West's (Econometrica 55 (1987) 703-708), if the residual changes with the input."""
+        """Return the larger p-value of least squares and of Newey and West (Econometrica 55 (1987) 703-708)."""
         from scipy.special import fdtrc
 
         total, products = self.total[part], self.products[:, part]

@@ -14,15 +14,20 @@ from scipy.linalg import block_diag
 
 from deatwin.ident.arguments import read_only, real_number, real_numbers
 from deatwin.ident.narx.covariance import covariance_of
-from deatwin.ident.narx.document import SCHEMA, fields_of, to_document
+from deatwin.ident.narx.document import (
+    SCHEMA,
+    OperatingRange,
+    fields_of,
+    require_terms,
+    require_values,
+    set_signals,
+    to_document,
+)
 from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.free_run import free_run, innovations, require_steps, steps_ahead
-from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
-from deatwin.ident.narx.shown import shown_units
 from deatwin.ident.narx.terms import Term, TermTable
-from deatwin.ident.narx.values import require_terms, require_values, set_signals
-from deatwin.ident.narx.written import by_equation, name_signals, origins, written
+from deatwin.ident.narx.written import by_equation, name_signals, origins, shown_units, written
 from deatwin.plant.arguments import each, instance
 from deatwin.plant.arrays import Array, texts
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, document, squared, variable

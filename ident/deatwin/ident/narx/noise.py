@@ -9,16 +9,14 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from deatwin.ident.arguments import positive, whole_number
-from deatwin.ident.narx.criteria import CRITERIA, criterion_values
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.fixed import Fixed
-from deatwin.ident.narx.forward import forward_selection
+from deatwin.ident.narx.forward import CRITERIA, criterion_values, forward_selection
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
-from deatwin.ident.narx.lags import ChannelLags, lag_list
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.prediction_error import NoiseFit, noise_rows, prediction_error_fit, spread
 from deatwin.ident.narx.regression import Recordings, Regression
-from deatwin.ident.narx.terms import Term, TermTable, Variable, require_terms
+from deatwin.ident.narx.terms import ChannelLags, Term, TermTable, Variable, lag_list, require_terms
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError, nearest
 
@@ -206,8 +204,7 @@ def _candidates(data: Regression, lags: tuple[int, ...], degree: int) -> TermTab
 
 
 def _long_errors(process: Regression) -> tuple[Array, ...]:
-    """Return e, (n_outputs, n) by recording, zero at first: many lags come near to any invertible noise model (Hannan,
-    Rissanen, Biometrika 69 (1982) 81-94); process terms alone would be biased towards it."""
+    """Return e, (n_outputs, n) by recording, of many lags (Hannan, Rissanen, Biometrika 69 (1982) 81-94)."""
     record = process.recordings[0]
     outputs, inputs = len(record.outputs), len(record.inputs)
     shortest = min(r.n_samples for r in process.recordings)

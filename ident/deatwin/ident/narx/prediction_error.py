@@ -187,8 +187,7 @@ def _minimise(
 
 @dataclass(frozen=True, eq=False)
 class _Tangent:
-    """Least squares of the errors along their slopes, as triangles: the start of a recording matters to it alone, so that
-    its rows are eliminated there, and the work grows with the number of recordings and not with its cube."""
+    """Least squares of the errors along their slopes, as triangles: starts are eliminated recording by recording."""
 
     own_sizes: Array  # shape (n_records, lead): Norms of the slopes by the start
     sizes: Array  # shape (n_terms,): Norms of the slopes by the parameters

@@ -4,21 +4,108 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from deatwin.ident.arguments import positive, whole_number
-from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.covariance import gram_inverse_root
-from deatwin.ident.narx.joined import Joined
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.drive import require_suits
+from deatwin.ident.narx.estimate import converged
+from deatwin.ident.narx.free_run import March
+from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.terms import Term, TermTable, derivative
 from deatwin.ident.narx.variables import argument_of
-from deatwin.plant.arrays import Array
+from deatwin.plant.arrays import Array, Integers
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """Recordings one after another."""
+
+    recordings: tuple[Recording, ...]
+
+    @classmethod
+    def of(cls, model: NarxModel, recordings: Sequence[Recording]) -> Joined:
+        """Join recordings; ModelError unless they suit the model, which must have one output."""
+        require_model(model).require_one_output("a refinement")
+        for recording in recordings:
+            require_suits(recording, model, with_outputs=True, fewest=model.table.max_lag + 1)
+        return cls(tuple(recordings))
+
+    @cached_property
+    def inputs(self) -> Array:
+        """Inputs, shape (n_inputs, n)."""
+        return np.concatenate([record.inputs for record in self.recordings], axis=1)
+
+    @cached_property
+    def outputs(self) -> Array:
+        """Outputs, shape (1, n)."""
+        return np.concatenate([record.outputs for record in self.recordings], axis=1)
+
+    @cached_property
+    def lengths(self) -> Integers:
+        """Number of samples of each recording."""
+        return np.array([record.n_samples for record in self.recordings])
+
+    @cached_property
+    def ends(self) -> Integers:
+        """Sample after each recording."""
+        return np.cumsum(self.lengths)
+
+    @cached_property
+    def ages(self) -> Integers:
+        """Number of earlier samples in the recording of each sample."""
+        return np.arange(self.ends[-1]) - np.repeat(self.ends - self.lengths, self.lengths)
+
+    def samples(self, first: int) -> Integers:
+        """Return the samples from `first` on of each recording."""
+        return np.flatnonzero(self.ages >= first)
+
+    def apart(self, values: Array, first: int) -> list[Array]:
+        """Cut values of the samples from `first` on by recordings."""
+        return np.split(values, self.ends[:-1] - first * np.arange(1, self.ends.size))
+
+    def rows(self, model: NarxModel, table: TermTable, first: int, outputs: Array) -> Array:
+        """Evaluate terms about the model's origins from sample `first` on; returns (n_terms, n_computed)."""
+        rows = table.rows(*model.about_origin(self.inputs, outputs), first, self.outputs.shape[1])
+        return rows if self.ends.size == 1 else rows[:, self.samples(first) - first]
+
+    def run(self, model: NarxModel) -> tuple[Array, int | None]:
+        """Return the free run, (1, n), and the sample at which it first diverges."""
+        terms = [i for i, term in enumerate(model.terms) if all(v.kind != "e" for v, _ in term.factors)]
+        inputs, outputs = model.about_origin(self.inputs, self.outputs)
+        march = March.of(
+            [model.terms[i] for i in terms],
+            {"u": inputs},
+            "y",
+            outputs,
+            first=model.table.max_lag,
+            ends=self.ends,
+        )
+        limits = np.array([model.divergence_limit(record.outputs) for record in self.recordings])
+        run, failed = march.run(model.theta[terms], limit=limits)
+        if failed is not None:  # far from anything measured, wherever it diverged
+            run[:, failed:] = limits.max()
+        return run + model.output_origin[:, None], failed
+
+    def sound_run(self, model: NarxModel) -> Array:
+        """Return the free run, (1, n); ModelError if it diverges."""
+        run, failed = self.run(model)
+        if failed is not None:
+            number = int(np.searchsorted(self.ends, failed, side="right"))
+            recording = self.recordings[number]
+            when = float(recording.timepts[self.ages[failed]])
+            raise ModelError(
+                f"the free run diverges at {when:g} s, so that it has no useful sensitivities; "
+                "start from a model whose free run is stable on these recordings"
+            )
+        return run
+
 
 Progress = Callable[[float, str], None]
 
@@ -88,8 +175,7 @@ def refine(
 def extensions(
     model: NarxModel, recordings: tuple[Recording, ...], candidates: Iterable[Term], *, max_terms: int
 ) -> Iterator[NarxModel]:
-    """Yield the refined model and its successors, each larger by the term that to first order lowers the free-run error
-    most: the run's response to it, orthogonal to the sensitivities, projected on the error."""
+    """Yield the refined model and its successors, each larger by the term that to first order lowers the error most."""
     left = [term for term in candidates if term not in model.terms]
     larger = least_error(model, recordings)
     yield larger
@@ -103,8 +189,7 @@ def extensions(
 
 
 def prunings(model: NarxModel, recordings: tuple[Recording, ...], *, n_terms: int) -> Iterator[NarxModel]:
-    """Yield the refined model and its successors, each without the term that to first order raises the free-run error least,
-    the square of its parameter over its variance, until none can be removed; an interrupt reaches the caller."""
+    """Yield the refined model and its successors, each without the term that to first order raises the error least."""
     smaller: NarxModel | None = least_error(model, recordings)
     while smaller is not None:
         yield smaller
@@ -161,14 +246,12 @@ def _with_term(model: NarxModel, term: Term) -> NarxModel:
 
 
 def sensitivities(model: NarxModel, joined: Joined) -> Array:
-    """Derivatives of free runs by parameters, (n_computed, n_terms): s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the
-    slopes a_l of f by y(k-l), as one banded triangular system."""
+    """Derivatives of free runs by parameters, (n_computed, n_terms): s(k) = f_theta(k) + sum_l a_l(k) s(k-l)."""
     return _responses(model, joined, joined.sound_run(model), model.table)
 
 
 def _responses(model: NarxModel, joined: Joined, run: Array, table: TermTable) -> Array:
-    """Return the change of a run (1, n) by small coefficients of terms, in the model or not, shape (n_computed,
-    n_terms)."""
+    """Return the change of a run (1, n) by small coefficients of any terms, shape (n_computed, n_terms)."""
     from scipy.linalg.lapack import dtbtrs
 
     first = max(model.table.max_lag, table.max_lag)
@@ -228,8 +311,7 @@ class _Search:
         self.best, self.least, self.steps = model.theta, np.inf, 0
 
     def run(self, tolerance: float) -> None:
-        """Search for the least error by Gauss-Newton steps in a trust region. Outputs and sensitivities are scaled to
-        about 1 by powers of two, which do not round, so that the result does not depend on units."""
+        """Search by Gauss-Newton steps in a trust region; scales are powers of two, so that units change no digit."""
         from scipy.optimize import least_squares
 
         start = self.jacobian(self.model.theta)

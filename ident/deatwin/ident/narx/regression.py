@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.ident.narx.bayes import Statistics
+from deatwin.ident.narx.document import OperatingRange
 from deatwin.ident.narx.drive import order_apart, signals_like, units_apart
-from deatwin.ident.narx.lags import channel_lags
 from deatwin.ident.narx.levels import without_repeated_powers
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import OperatingRange
-from deatwin.ident.narx.terms import Lags, Rule, Term, TermTable, Variable, generate_terms, require_terms
+from deatwin.ident.narx.terms import Lags, Rule, Term, TermTable, Variable, channel_lags, generate_terms, require_terms
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording, label
@@ -54,8 +54,7 @@ def require_alike(recordings: Sequence[Recording]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """Regression y = Phi theta + e of candidates. Origins are subtracted from the signals, which are then divided by
-    the power of two just above their largest size: no regressor exceeds 1, and the conversion back is exact."""
+    """Regression y = Phi theta + e of candidates, about origins and scaled to at most 1 by powers of two."""
 
     table: TermTable  # Candidate terms
     recordings: tuple[Recording, ...]  # Training data
@@ -196,15 +195,15 @@ class Regression:
             filled = stop
         return rows, target
 
-    def gram(self) -> tuple[Array, Array, float]:
-        """Return Phi'Phi, (n_terms, n_terms), Phi'y, (n_terms,), and y'y of the scaled signals, by blocks."""
+    def statistics(self) -> Statistics:
+        """Return the sufficient statistics of the scaled signals, by blocks."""
         n = len(self.table.terms)
         gram, moment, power = np.zeros((n, n)), np.zeros(n), 0.0
         for rows, target in self.blocks():
             gram += rows @ rows.T
             moment += rows @ target
             power += float(target @ target)
-        return gram, moment, power
+        return Statistics(gram=gram, moment=moment, power=power, n_samples=self.n_samples)
 
     def model(
         self, theta: Array, theta_cov: Array, noise_variance: float, *, identifier: Any, theta_dof: float = math.inf

@@ -34,9 +34,7 @@ def whole_multiple(period: float, longest: int, drift: float = 0.5) -> int:
 
 
 def _repeats(values: Array) -> tuple[float, int] | None:
-    """Return a number of samples and the number of whole periods in it; None without repetition. A signal is compared
-    with itself at all shifts, then over twice as many periods each time, up to half of it; slow growth fails the
-    latter."""
+    """Return a number of samples and the number of whole periods in it; None without repetition throughout."""
     n, left = values.size, values - values.mean()
     size = 1 << (2 * n - 1).bit_length()
     power = np.abs(np.fft.rfft(left, size)) ** 2

@@ -252,8 +252,7 @@ def _skewness(series: Series) -> float:
 
 
 def _normal_scores(scores: Array, skewness: float) -> Array:
-    """Return normal quantiles of skewed scores by a gamma law (Pearson type III), because even after hundreds of
-    samples the far tail of products of skewed signals is several times the normal one."""
+    """Return normal quantiles of skewed scores by a gamma law (Pearson type III), whose far tail is heavier."""
     from scipy.special import gammainc, gammaincc, ndtri
 
     if abs(skewness) < _SYMMETRIC:

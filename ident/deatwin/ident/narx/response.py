@@ -10,8 +10,8 @@ from enum import Enum
 import numpy as np
 
 from deatwin.ident.arguments import read_only
+from deatwin.ident.narx.document import OperatingRange
 from deatwin.ident.narx.drive import Drive
-from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.arrays import Array
 from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, attribute, coordinate, one_unit, status_of, variable
@@ -171,8 +171,7 @@ class Fit(Frozen):
 
 
 def gain_error(responses: Sequence[NarxResponse]) -> tuple[float, float] | None:
-    """Slope b of ``y - y_s = a + b y_s`` over the first output y_s, and its 95 % half width; None at rest.
-    Autocovariances are summed up to the first negative pair of lags (Geyer, Stat. Sci. 7 (1992) 473-483)."""
+    """Slope b of ``y - y_s = a + b y_s`` and its 95 % half width (Geyer, Stat. Sci. 7 (1992) 473); None at rest."""
     runs, readings = [run.outputs[0] for run in responses], [run.measured[0] for run in responses]
     swings = [run - run.mean() for run in runs]
     power = sum(float(swing @ swing) for swing in swings)

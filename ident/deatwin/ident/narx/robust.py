@@ -27,8 +27,7 @@ _FEWEST = 8  # least number of cosines for the scatter
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cosines:
-    """Cosine coefficients of short series, for the covariance of mean and drift. Coefficients of an uncorrelated
-    stationary series are uncorrelated, with n times the covariance of its mean."""
+    """Cosine coefficients of short series, uncorrelated if the series are: the covariance of mean and drift."""
 
     coefficients: Array
     n_slow: int  # Number of first coefficients, which belong to a drift and do not count as scatter
@@ -94,8 +93,7 @@ def _shapes(half_periods: NDArray[np.int_], shares: Array, n: int) -> Array:
 def pseudovalues(
     model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS, instruments: Recordings | None = None
 ) -> Array:
-    """Return the deviation of the parameters due to each block, (n_blocks, n_terms), from regressors P and residuals e:
-    n_blocks - 1 times (P P' - P_k P_k')^-1 P_k e_k. `instruments` give Z for the first P of each product."""
+    """Return the jackknife's deviation of the parameters by block, (n_blocks, n_terms); `instruments` give Z."""
     require_model(model)
     model.require_one_output("the jackknife")
     whole_number(n_blocks, "n_blocks", 2)

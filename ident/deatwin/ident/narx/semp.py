@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, real_number, whole_number
 from deatwin.ident.narx.estimate import least_squares
-from deatwin.ident.narx.growth import grown, run_errors, white
 from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
-from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.notes import late_inputs
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.semp_search import SempSearch, SempStep
+from deatwin.ident.narx.semp_search import SempSearch, SempStep, grown, run_errors, white
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 

@@ -1,4 +1,4 @@
-"""A spike-and-slab sampler of structures, as an independent judge of what the variational posterior says.
+"""Other judges of known structures than the lower bound of `SvbNarx`; first a spike-and-slab sampler.
 
 In the regression y = Phi theta + e, e ~ N(0, 1/tau), tau ~ Gam(a0, b0) as in the variational posterior, every number of
 terms is alike before the data [1]_, and theta_j ~ N(0, n / (i tau phi_j'phi_j)) if in, the information of i samples. One
@@ -14,14 +14,22 @@ is sampled by heat-bath flips, and draws in which nothing happens are counted by
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import lgamma
 
 import numpy as np
 from scipy.special import expit
 
-from deatwin.ident.narx.bayes import Priors, Statistics
-from deatwin.plant.arrays import Array
+from deatwin.ident.narx.bayes import Priors, Statistics, fit_relevance
+from deatwin.ident.narx.fixed import Fixed
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.prediction_error import prediction_error_fit
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.svb import SvbNarx, model_of
+from deatwin.ident.narx.terms import Term, TermTable
+from deatwin.plant.arrays import Array, Indices
+from deatwin.plant.recording import Recording
+from deatwin.plant.records import UNBOUNDED
 
 Terms = frozenset[int]
 
@@ -142,3 +150,74 @@ def sample_structures(
         flip = int(rng.choice(posterior.n_terms, p=rates / rates.sum()))
         terms = terms ^ {flip}
     return Structures(inclusion=inclusion / total, weights={terms: weight / total for terms, weight in weights.items()})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margin:
+    """Range of thresholds, from `false` to `true`, that select exactly the true terms."""
+
+    true: float = field(metadata=UNBOUNDED)
+    false: float = field(metadata=UNBOUNDED)
+
+
+def full_margin(rows: Array, target: Array, true: Indices) -> Margin:
+    """Compare abs(t) of true and false terms in least squares on all candidates; `rows` (n_terms, n_samples)."""
+    from scipy.linalg import solve_triangular
+
+    q, r = np.linalg.qr((rows / np.linalg.norm(rows, axis=1)[:, None]).T)
+    theta = solve_triangular(r, q.T @ target)
+    spread = np.linalg.norm(solve_triangular(r, np.eye(theta.size)), axis=1)
+    left = target - q @ (q.T @ target)
+    sizes = np.abs(theta) / (spread * np.sqrt(left @ left / (target.size - theta.size)))
+    return Margin(true=float(sizes[true].min()), false=float(np.delete(sizes, true).max()))
+
+
+def near_margin(rows: Array, target: Array, true: Indices) -> Margin:
+    """Compare the true terms with all sets that differ from them by one term, or by one exchange."""
+    left, gains = _gains(rows, target, true)
+    freedom = target.size - true.size
+    most = float(np.delete(gains, true).max())
+    false = np.sqrt(most / ((left - most) / (freedom - 1)))
+    costs = []
+    for term in true:
+        others = true[true != term]
+        worse, instead = _gains(rows, target, others)
+        costs.append(worse - left)
+        if worse - float(np.delete(instead, true).max()) < left:
+            false = np.inf
+    return Margin(true=float(np.sqrt(min(costs) / (left / freedom))), false=float(false))
+
+
+def _gains(rows: Array, target: Array, chosen: Indices) -> tuple[float, Array]:
+    """Return the residual sum of squares of chosen terms, and how much each further term would remove."""
+    q = np.linalg.qr(rows[chosen].T)[0]
+    left = target - q @ (q.T @ target)
+    beyond = rows - (rows @ q) @ q.T
+    squares = np.einsum("ij,ij->i", beyond, beyond)
+    new = squares > 1e-12 * np.einsum("ij,ij->i", rows, rows)  # the chosen terms have no part beyond themselves
+    gains = np.where(new, (beyond @ left) ** 2 / np.where(new, squares, 1.0), 0.0)
+    return float(left @ left), np.asarray(gains, dtype=np.float64)
+
+
+def fit_variational(terms: tuple[Term, ...], recording: Recording) -> NarxModel:
+    """Fit known terms by variational Bayes, as `SvbNarx` does each of its steps."""
+    usual = SvbNarx()
+    data = Regression.on(recording, TermTable(terms))
+    given = data.statistics()
+    priors = Priors(a0=usual.a0, b0=usual.b0, c0=usual.c0, d0=usual.d0)
+    found = fit_relevance(
+        given.divided(given.root_mean_squares, given.output_size),
+        priors,
+        np.full(given.moment.size, priors.c0 / priors.d0),
+        tolerance=usual.tolerance,
+        max_iterations=usual.max_iterations,
+    )
+    return model_of(found.posterior, data, given, usual)
+
+
+def fit_with_noise(terms: tuple[Term, ...], noise_terms: tuple[Term, ...], recording: Recording) -> NarxModel:
+    """Fit known process and noise terms by the smallest prediction error."""
+    process = Regression.on(recording, TermTable(terms))
+    found = prediction_error_fit(process, noise_terms).estimate
+    whole = replace(process, table=TermTable(terms + noise_terms))
+    return whole.model(found.theta, found.theta_cov, found.noise_variance, identifier=Fixed(terms=terms))

@@ -1,7 +1,12 @@
-"""Polynomial NARMAX terms: written, parsed, generated, and evaluated as regressors.
+"""Polynomial NARMAX terms: lags of candidates, and terms written, parsed, generated, and evaluated as regressors.
 
 A term is a product of lagged outputs, inputs and noise, written as ``y(k-1)u(k-2)^2``, with several channels as
-``y1(k-1)u3(k-2)^2``; the constant is ``1``. Factors may be functions of a signal; see `deatwin.ident.narx.shapes`.
+``y1(k-1)u3(k-2)^2``; the constant is ``1``. Factors may be functions of a signal; see `deatwin.ident.narx.shapes`. A
+rule that says which products are candidates is any callable that takes a `Term` and returns a bool; `AtMost` prints, so
+that a model's provenance names it.
+
+>>> [str(term) for term in generate_terms(1, 1, 2, rule=AtMost(output=1))]
+['1', 'y(k-1)', 'u(k-1)', 'y(k-1)u(k-1)', 'u(k-1)^2']
 """
 
 from __future__ import annotations
@@ -12,20 +17,83 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations_with_replacement
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import whole_number
-from deatwin.ident.narx.lags import Lags as Lags
-from deatwin.ident.narx.lags import channel_lags
-from deatwin.ident.narx.names import SignalNames
+from deatwin.ident.narx.variables import SignalNames, read_factor, value_of
 from deatwin.ident.narx.variables import Variable as Variable
-from deatwin.ident.narx.variables import read_factor, value_of
 from deatwin.plant.arguments import kind_of
 from deatwin.plant.arrays import Array
-from deatwin.plant.errors import ModelError
+from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.safe_read import clipped
+
+ChannelLags = int | Sequence[int]  # A number n for the lags 1..n, or the lags themselves, in samples
+Lags = ChannelLags | Sequence[ChannelLags] | Mapping[str, ChannelLags]
+"""Lags of all channels of a kind, or of each channel, in order or by name."""
+
+_KINDS = {"u": "input", "y": "output"}
+
+
+def lag_list(lags: ChannelLags, *, smallest: int) -> tuple[int, ...]:
+    """Return lags in samples as an increasing tuple; a number n stands for 1..n, 0 for none."""
+    if not isinstance(lags, int | np.integer | Iterable):
+        raise ModelError(f"lags = {lags!r}; give a number n >= 0 for 1..n, or a sequence of lags")
+    wanted = range(1, lags + 1) if isinstance(lags, int | np.integer) else lags
+    if isinstance(lags, int | np.integer) and lags < 0:
+        raise ModelError(f"lags = {lags}; give a number n >= 0 for 1..n, or a sequence of lags")
+    if any(not isinstance(lag, int | np.integer) or lag < smallest for lag in wanted):
+        raise ModelError(f"lags {list(wanted)!r} must be integers of at least {smallest}")
+    return tuple(sorted({int(lag) for lag in wanted}))
+
+
+def channel_lags(lags: Lags, kind: str, count: int, names: Sequence[str] = ()) -> tuple[tuple[int, ...], ...]:
+    """Return the lags of each channel as an increasing tuple."""
+    smallest = 1 if kind == "y" else 0
+    if isinstance(lags, Mapping):
+        values = _by_name(lags, kind, count, names)
+    elif _is_nested(lags):
+        values = list(lags)  # type: ignore[arg-type]
+    else:
+        return (lag_list(lags, smallest=smallest),) * count  # type: ignore[arg-type]
+    if len(values) != count:
+        raise ModelError(f"{_KINDS[kind]}_lags hold the lags of {len(values)} {_KINDS[kind]}s; there are {count}")
+    return tuple(lag_list(value, smallest=smallest) for value in values)
+
+
+def lags_anywhere(lags: Lags) -> tuple[int, ...]:
+    """Return the lags of all channels in one list, with repetitions."""
+    if isinstance(lags, Mapping) or _is_nested(lags):
+        values: Iterable[Any] = lags.values() if isinstance(lags, Mapping) else lags  # type: ignore[assignment]
+        return tuple(lag for value in values for lag in lag_list(value, smallest=0))
+    return lag_list(lags, smallest=0)  # type: ignore[arg-type]
+
+
+def _is_nested(lags: Any) -> bool:
+    return isinstance(lags, Iterable) and any(isinstance(one, Iterable) and not isinstance(one, str) for one in lags)
+
+
+def _by_name(lags: Mapping[str, ChannelLags], kind: str, count: int, names: Sequence[str]) -> list[ChannelLags]:
+    side = _KINDS[kind]
+    placed = [f"{kind}{row + 1}" for row in range(count)] if count > 1 else [kind] * count
+    known = list(names) or placed
+    row_of = dict(zip(placed, range(count), strict=True)) | dict(zip(known, range(count), strict=True))
+    found: dict[int, ChannelLags] = {}
+    for name, value in lags.items():
+        if name not in row_of:
+            raise ModelError(
+                f"{side}_lags name {name!r}{nearest(str(name), known)}; the {side}s are {', '.join(known) or 'none'}"
+            )
+        if row_of[name] in found:
+            raise ModelError(f"{side}_lags name the {side} {known[row_of[name]]} twice, the second time as {name!r}")
+        found[row_of[name]] = value
+    left = [known[row] for row in range(count) if row not in found]
+    if left:
+        raise ModelError(f"{side}_lags leave out {', '.join(left)}; give [] for what has no lags")
+    return [found[row] for row in range(count)]
+
 
 Rule = Callable[["Term"], bool]
 
@@ -136,7 +204,7 @@ def generate_terms(
         Functions of lagged signals, such as |u(k-1)|, as additional factors. A candidate contains each function at most
         once.
     rule : callable, optional
-        Function of a `Term` that returns True if the term is a candidate; see `deatwin.ident.narx.rules`.
+        Function of a `Term` that returns True if the term is a candidate; see `deatwin.ident.narx.terms`.
 
     Returns
     -------
@@ -297,3 +365,18 @@ def derivative(terms: Sequence[Term], theta: Array, variable: Variable) -> tuple
     powers = [dict(term.factors).get(variable, 0) for term in terms]
     held = [m for m, power in enumerate(powers) if power]
     return TermTable(tuple(without(terms[m], variable) for m in held)), np.array([theta[m] * powers[m] for m in held])
+
+
+@dataclass(frozen=True, kw_only=True)
+class AtMost:
+    """Bounds the degree in each kind of signal; ``AtMost(output=1)`` keeps models that are affine in the output."""
+
+    output: int | None = None
+    input: int | None = None
+
+    def __call__(self, term: Term) -> bool:
+        bounds = (("y", self.output), ("u", self.input))
+        return all(
+            bound is None or sum(power for v, power in term.factors if v.kind == kind) <= bound
+            for kind, bound in bounds
+        )

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from deatwin.ident.arguments import probability, whole_number
-from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel, require_model
+from deatwin.ident.narx.notes import late_inputs
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.residual_tests import CorrelationTest, Whiteness, correlation_tests, whiteness_of
 from deatwin.ident.narx.response import Fit, gain_error

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.narx.values import signals_of
+from deatwin.ident.narx.document import signals_of
 
 if TYPE_CHECKING:
     from deatwin.ident.nss.model import NonlinearStateSpace

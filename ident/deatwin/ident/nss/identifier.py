@@ -11,8 +11,8 @@ import numpy as np
 
 from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.look.best_linear import best_linear_approximation
-from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.drive import signals_like
+from deatwin.ident.narx.estimate import converged
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
 from deatwin.ident.narx.regression import Recordings, flatten, provenance_of, require_alike, require_no_target
 from deatwin.ident.nss.document import weights_of

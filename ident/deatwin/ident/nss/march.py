@@ -73,8 +73,7 @@ class System:
     def run(
         self, inputs: Array, start: Array, *, limit: float = np.inf, sensitive: bool = False
     ) -> tuple[Array, Array | None, int]:
-        """Run until an output leaves the limit. Shapes: `inputs` (n_inputs, n); `start` (n_states,); returns (n,
-        n_outputs), its derivatives by theta and start (n, n_outputs, n_theta + n_states), samples computed."""
+        """Run until an output leaves the limit; return (n, n_outputs), derivatives by theta and start, samples run."""
         n = inputs.shape[1]
         tables, kernel = self.basis.tables, _kernel(compiler())
         outputs = np.full((n, len(self.output)), np.nan)

@@ -12,16 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.arguments import read_only, real_numbers, whole_number
+from deatwin.ident.narx.document import set_covariance, set_signals
 from deatwin.ident.narx.drive import Drive, require_suits
-from deatwin.ident.narx.posterior import quantile
-from deatwin.ident.narx.predictive import PredictiveBand
+from deatwin.ident.narx.posterior import PredictiveBand, quantile
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
 from deatwin.ident.narx.shapes import own_functions, rebuilt
-from deatwin.ident.narx.values import set_covariance, set_signals
 from deatwin.ident.nss.basis import Basis, numbered
 from deatwin.ident.nss.document import SCHEMA, WEIGHTS, fields_of, to_document, weights_of
 from deatwin.ident.nss.march import System
-from deatwin.ident.nss.opening import Opening, opened
+from deatwin.ident.nss.search import Opening, opened
 from deatwin.plant.arrays import Array, texts
 from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError

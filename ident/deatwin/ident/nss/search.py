@@ -1,4 +1,4 @@
-"""Minimise the free-run error of a nonlinear state space (Levenberg-Marquardt, exact sensitivities)."""
+"""Minimise the free-run error of a nonlinear state space (Levenberg-Marquardt, exact sensitivities), or its first errors."""
 
 from __future__ import annotations
 
@@ -148,8 +148,7 @@ def _directions(rows: Array, size: Array) -> tuple[Array, Array, Array, Array, N
 
 
 def covariance(point: Point, rows: Array, records: Sequence[Record]) -> tuple[Array, Array]:
-    """Return the covariance (n_theta, n_theta) of the weights, zero along the states' coordinates, and noise variances;
-    `rows`, (n + 1, n + 1), is the `triangle` at the point."""
+    """Return the weights' covariance, zero along the states' coordinates, and noise variances, by the `triangle`."""
     rows = rows[:, :-1]
     scale, _, values, right, seen = _directions(rows, np.linalg.norm(rows, axis=0))
     rank, samples = int(seen.sum()), sum(record.fitted for record in records)
@@ -172,3 +171,62 @@ def covariance(point: Point, rows: Array, records: Sequence[Record]) -> tuple[Ar
 def all_fitted(records: Sequence[Record]) -> list[Record]:
     """Return the records with all samples fitted."""
     return [replace(record, fitted=record.outputs.shape[1]) for record in records]
+
+
+_STEPS = 50  # Most Gauss-Newton steps; few samples need few
+_WIDTH = 3.0  # Prior deviation of a first state: its rms value is about one in training, and a record may begin outside
+_EXACT = 1e-6  # Noise, in scaled outputs, below which readings are exact, so that rounding competes with no prior
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Opening:
+    """Initial state with its covariance for known weights, and its derivative by these."""
+
+    state: Array  # shape (n_states,)
+    covariance: Array  # shape (n_states, n_states)
+    by_theta: Array  # shape (n_states, n_theta)
+
+    @classmethod
+    def known(cls, state: Array, n_theta: int) -> Opening:
+        """Return a state that is exact."""
+        return cls(state=state, covariance=np.zeros((state.size, state.size)), by_theta=np.zeros((state.size, n_theta)))
+
+
+def opened(system: System, inputs: Array, outputs: Array, noise: Array) -> Opening:
+    """Fit the first state. Shapes: `inputs` (n_inputs, n); `outputs` (n_outputs, n); `noise` (n_outputs,) deviations."""
+    n, sigma = system.basis.states, np.maximum(noise, _EXACT)
+    state = np.zeros(n)
+
+    def errors(at: Array) -> Array:
+        found, _, reached = system.run(inputs, at)
+        if reached < inputs.shape[1] or not np.all(np.isfinite(found)):
+            return np.full(outputs.size + n, np.inf)
+        return np.concatenate([((outputs.T - found) / sigma).ravel(), -at / _WIDTH])
+
+    def slopes(at: Array) -> Array:
+        gradient = system.sensitivities(inputs, at)[1]
+        return np.asarray((gradient / sigma[:, None]).reshape(outputs.size, -1))
+
+    left, count = errors(state), system.theta.size
+    for _ in range(_STEPS):
+        if not np.all(np.isfinite(left)):
+            break
+        rows = np.concatenate([slopes(state)[:, count:], np.eye(n) / _WIDTH])
+        step = np.linalg.lstsq(rows, left, rcond=None)[0]
+        for _ in range(30):
+            ahead = errors(state + step)
+            if ahead @ ahead < left @ left:
+                break
+            step = step / 2.0
+        else:
+            break
+        fall = left @ left - ahead @ ahead
+        state, left = state + step, ahead
+        if fall <= 1e-12 * (left @ left):
+            break
+    if not np.all(np.isfinite(left)):
+        return Opening.known(state, count)
+    found = slopes(state)
+    information = found[:, count:].T @ found[:, count:] + np.eye(n) / _WIDTH**2
+    inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    return Opening(state=state, covariance=inverse, by_theta=-inverse @ found[:, count:].T @ found[:, :count])

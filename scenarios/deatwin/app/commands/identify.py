@@ -132,9 +132,9 @@ def identify(
     from deatwin.app.identify_states import identify_states
     from deatwin.app.thinning import lost, thinned
     from deatwin.ident.narx import FitStatus, Reliance
-    from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
     from deatwin.ident.narx.excited import BAND_KEY
     from deatwin.ident.narx.levels import remarks_on_levels
+    from deatwin.ident.narx.reliance import HELD_OUT, assessed, band_excited, hold_out
     from deatwin.ident.nss import Pnlss
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
@@ -296,9 +296,8 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
     """Print the terms with their intervals, and the errors on held-out data."""
     import numpy as np
 
-    from deatwin.ident.narx.names import symbols_of
-    from deatwin.ident.narx.shown import shown_units
-    from deatwin.ident.narx.written import origins
+    from deatwin.ident.narx.variables import symbols_of
+    from deatwin.ident.narx.written import origins, shown_units
     from deatwin.plant.prefixes import with_unit
 
     unit = model.output_units[0]

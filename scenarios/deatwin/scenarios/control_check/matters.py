@@ -25,9 +25,9 @@ from deatwin.control.checking.rows import rows_of_family
 from deatwin.control.checking.subject import STICKING
 from deatwin.control.checking.trial import Trial
 from deatwin.control.stability.bandwidth import bandwidth_Hz
-from deatwin.ident.frequency.uncertainty.parameters import draw_theta
+from deatwin.ident.frequency.uncertainty.regions import draw_theta
 from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx, free_run_residual
-from deatwin.ident.narx.fleet.alike import linear_in_output
+from deatwin.ident.narx.fleet import linear_in_output
 from deatwin.plant import CalibratedPlant, DeatwinError, Plant, ReadingTime, Recording
 from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.excitation import band_limited_noise

@@ -18,7 +18,7 @@ from deatwin.control.checking.verdict import judge_runs, worst
 from deatwin.control.design.named import Wanted, design_named
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.narx import Frols, NarxIdentifier, NarxModel, Semp, refine
-from deatwin.ident.narx.fleet.alike import linear_in_output
+from deatwin.ident.narx.fleet import linear_in_output
 from deatwin.plant import (
     CalibratedPlant,
     Creep,

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.frequency.dc import deviations
-from deatwin.ident.frequency.removal import remove
+from deatwin.ident.frequency.dc import deviations, remove
 from deatwin.ident.narx import (
     Fixed,
     Frols,
@@ -25,8 +24,7 @@ from deatwin.ident.narx import (
     one_step_band,
     refine,
 )
-from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Plan
-from deatwin.ident.narx.fleet.records import FILM, RECORDED, STEADY, VARIANTS
+from deatwin.ident.narx.fleet import DEGREES, FILM, LAGS, RECORDED, STEADY, VARIANTS, Plan
 from deatwin.ident.narx.posterior import regressors
 from deatwin.plant import ModelError, Recording
 from deatwin.plant.arrays import Array

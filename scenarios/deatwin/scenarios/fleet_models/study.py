@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from deatwin.ident.narx import Fixed, Frols, NarxIdentifier, NarxModel, Semp, SvbNarx, Validation, validate
-from deatwin.ident.narx.fleet.orders import RULE, Plan, prepare_fleet
-from deatwin.ident.narx.fleet.records import RECORDED, VARIANTS, Prepared
+from deatwin.ident.narx.fleet import RECORDED, RULE, VARIANTS, Plan, Prepared, prepare_fleet
 from deatwin.plant import Recording
 from deatwin.studies.parallel import between, run_told
 from deatwin.studies.report.drawing import key_of

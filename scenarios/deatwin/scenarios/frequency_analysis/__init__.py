@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, identify_fleet
+from deatwin.ident.narx.fleet import OPERATING_INPUT, identify_fleet
 from deatwin.scenarios.frequency_analysis.actuators import LARGE, ORDERS, SMALL, Actuators, Anchor, actuators, anchor
 from deatwin.scenarios.frequency_analysis.figures import fleet_drawings, known_drawings
 from deatwin.scenarios.frequency_analysis.known import known_systems

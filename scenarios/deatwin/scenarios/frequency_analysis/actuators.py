@@ -20,13 +20,22 @@ from deatwin.ident.frequency import (
     nofrf,
     output_orders,
 )
-from deatwin.ident.frequency.output_responses.settled import Evaluated, evaluate, left_by_orders
-from deatwin.ident.frequency.removal import Removal, remove
-from deatwin.ident.frequency.tones import tone_response
+from deatwin.ident.frequency.dc import Removal, remove
+from deatwin.ident.frequency.output_responses.settled import Evaluated, evaluate, left_by_orders, tone_response
 from deatwin.ident.narx import NarxModel, SvbNarx, refine
-from deatwin.ident.narx.fleet.alike import BAND, OPERATING_INPUT, Alike, Fleet, choose_structure, fit, linear_in_output
-from deatwin.ident.narx.fleet.orders import RULE
-from deatwin.ident.narx.fleet.records import FILM, STEADY, as_variant
+from deatwin.ident.narx.fleet import (
+    BAND,
+    FILM,
+    OPERATING_INPUT,
+    RULE,
+    STEADY,
+    Alike,
+    Fleet,
+    as_variant,
+    choose_structure,
+    fit,
+    linear_in_output,
+)
 from deatwin.plant.arrays import Array, Complex
 
 SHOWN = 5  # Number of the actuator that the thesis shows in full

@@ -10,7 +10,7 @@ from deatwin.ident.frequency import frequency_grid, gfrf
 from deatwin.ident.frequency.closed_forms import DUFFING, QUADRATIC, ClosedForm
 from deatwin.ident.frequency.output_responses.settled import Evaluated, OrderRanges
 from deatwin.ident.narx import Term
-from deatwin.ident.narx.fleet.alike import BAND, OPERATING_INPUT
+from deatwin.ident.narx.fleet import BAND, OPERATING_INPUT
 from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import Axes, plain_numbers
 from deatwin.scenarios.frequency_analysis.actuators import (

@@ -8,7 +8,7 @@ import numpy as np
 
 from deatwin.ident.frequency.closed_forms import SYSTEMS
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
-from deatwin.ident.narx.fleet.alike import BAND
+from deatwin.ident.narx.fleet import BAND
 from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, ORDERS, Actuators, Analysed, Anchor
 from deatwin.scenarios.frequency_analysis.known import Known
 from deatwin.studies.report.story import Measure, Table

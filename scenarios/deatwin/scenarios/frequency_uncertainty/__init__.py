@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import Agreement, Comparison
-from deatwin.ident.narx.fleet.records import DRIFTING
+from deatwin.ident.narx.fleet import DRIFTING
 from deatwin.plant.words import listed, spaced
 from deatwin.scenarios.frequency_uncertainty.page import (
     FASTER,

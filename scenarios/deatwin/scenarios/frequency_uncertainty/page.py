@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from deatwin.ident.frequency import Agreement, Comparison, Difference, FrequencyResponse, UncertaintyStatus
-from deatwin.ident.frequency.comparison.fleet import share_of
+from deatwin.ident.frequency.comparison.records import share_of
 from deatwin.ident.frequency.uncertainty.beside_draws import Spread, columns_of
-from deatwin.ident.narx.fleet.records import DRIFTING
+from deatwin.ident.narx.fleet import DRIFTING
 from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import Axes
 from deatwin.plant.fleet import TOLERANCES

@@ -23,15 +23,14 @@ from deatwin.ident.frequency import (
     propagate,
 )
 from deatwin.ident.frequency.comparison.bands import band_means
-from deatwin.ident.frequency.comparison.fleet import Contrast, Means, contrast, shares_of, spread_of_means
+from deatwin.ident.frequency.comparison.records import Contrast, Means, contrast, shares_of, spread_of_means
 from deatwin.ident.frequency.spectrum import inner_lines
 from deatwin.ident.frequency.uncertainty.beside_draws import Speed, Spread, Sweep, speed_of, spread_of, sweep_of
-from deatwin.ident.frequency.uncertainty.parameters import Quantity
+from deatwin.ident.frequency.uncertainty.regions import Quantity
 from deatwin.ident.narx import Fixed, NarxModel, Term, generate_terms
-from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, fit
-from deatwin.ident.narx.fleet.records import STEADY, as_variant, at_tolerance, thinned
-from deatwin.ident.narx.rules import AtMost
+from deatwin.ident.narx.fleet import OPERATING_INPUT, STEADY, as_variant, at_tolerance, fit, thinned
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem
+from deatwin.ident.narx.terms import AtMost
 from deatwin.plant import Actuator, Plant, Recording, fleet, specification
 from deatwin.plant.arrays import Array, Booleans
 from deatwin.plant.fleet import DURATION, HISTORIES, TOLERANCES

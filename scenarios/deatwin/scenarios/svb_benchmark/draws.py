@@ -22,11 +22,17 @@ from deatwin.ident.narx import (
     SvbNarx,
     ThetaPosterior,
 )
-from deatwin.ident.narx.bayes import Statistics
-from deatwin.ident.narx.known_terms import fit_variational, fit_with_noise
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.spike_slab import SpikeSlab, Structures, sample_structures
-from deatwin.ident.narx.standing_out import Margin, full_margin, near_margin
+from deatwin.ident.narx.spike_slab import (
+    Margin,
+    SpikeSlab,
+    Structures,
+    fit_variational,
+    fit_with_noise,
+    full_margin,
+    near_margin,
+    sample_structures,
+)
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem, Draw
 from deatwin.plant import DeatwinError, Recording
 from deatwin.plant.arrays import Array, Booleans
@@ -235,8 +241,7 @@ def compare(name: str, method: str, seed: int, number: int) -> Comparison:
     rng = np.random.default_rng([seed, number])
     draw = draw_of(system, seed, number)
     data = _candidates(system, draw)
-    gram, moment, power = data.gram()
-    posterior = SpikeSlab(data=Statistics(gram=gram, moment=moment, power=power, n_samples=data.n_samples))
+    posterior = SpikeSlab(data=data.statistics())
     found = sample_structures(posterior, rng, flips=FLIPS, burn_in=BURN_IN)
     crowd = frozenset(rng.choice(posterior.n_terms, 20, replace=False).tolist())
     other = sample_structures(posterior, rng, flips=FLIPS, burn_in=BURN_IN, start=crowd)

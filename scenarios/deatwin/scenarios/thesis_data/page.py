@@ -17,7 +17,7 @@ from deatwin.ident.drifts import (
     moving_mean,
     roughness,
 )
-from deatwin.ident.narx.fleet.records import MOVES, Move
+from deatwin.ident.narx.fleet import MOVES, Move
 from deatwin.plant import Recording
 from deatwin.plant.drawing import envelope, plain_numbers
 from deatwin.scenarios.thesis_data.study import Bench, SideBands, SmallVoltages, Study

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from deatwin.ident.narx.fleet.records import DRIFTING
-from deatwin.ident.narx.wander import BLOCK, CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
+from deatwin.ident.narx.fleet import DRIFTING
+from deatwin.ident.narx.varying_systems import BLOCK, CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
 from deatwin.scenarios.time_varying.figures import fleet_drawings, known_drawings
 from deatwin.scenarios.time_varying.measures import CHANCE, HELD, WORDS, judge
 from deatwin.scenarios.time_varying.study import FACTOR, STRUCTURE, Study, carry_out

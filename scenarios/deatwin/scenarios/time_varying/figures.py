@@ -9,8 +9,8 @@ import numpy as np
 from deatwin.ident.frequency import remove_dc
 from deatwin.ident.frequency.varying.short_time import BANDS
 from deatwin.ident.narx import Term
-from deatwin.ident.narx.fleet.alike import OPERATING_INPUT
-from deatwin.ident.narx.wander import CONSTANT, VARYING
+from deatwin.ident.narx.fleet import OPERATING_INPUT
+from deatwin.ident.narx.varying_systems import CONSTANT, VARYING
 from deatwin.plant.arrays import Array
 from deatwin.scenarios.time_varying.study import (
     COVERAGE_HZ,

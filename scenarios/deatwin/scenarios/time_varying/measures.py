@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from deatwin.ident.frequency.varying.short_time import BANDS
-from deatwin.ident.narx.fleet.records import DRIFTING, MOVES
-from deatwin.ident.narx.wander import CONSTANT, LIKELIEST, REFINED, VARYING
+from deatwin.ident.narx.fleet import DRIFTING, MOVES
+from deatwin.ident.narx.varying_systems import CONSTANT, LIKELIEST, REFINED, VARYING
 from deatwin.scenarios.time_varying.study import Driven, FrozenRun, Known, Study
 from deatwin.studies.report.story import Measure
 from deatwin.studies.report.words import Each, Span, Words

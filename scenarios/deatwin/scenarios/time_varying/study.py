@@ -18,23 +18,25 @@ from deatwin.ident.frequency import (
     tv_gfrf,
     tv_nofrf,
 )
-from deatwin.ident.frequency.varying.maps import Map
+from deatwin.ident.frequency.varying.response import Map
 from deatwin.ident.frequency.varying.short_time import ShortTime, compare_windows, series_error, windows_of
 from deatwin.ident.narx import FitStatus, NarxModel, ThetaSmoother, ThetaTrajectory, generate_terms
-from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, linear_in_output
-from deatwin.ident.narx.fleet.records import thinned
+from deatwin.ident.narx.fleet import OPERATING_INPUT, linear_in_output, thinned
 from deatwin.ident.narx.recursive import Structure
 from deatwin.ident.narx.varying_systems import (
+    CONSTANT,
     DURATION,
     MOVING_DC,
     NOISE,
     STEP,
     SYSTEMS,
+    VARYING,
     KnownSystem,
+    Track,
     drawn_walk,
+    follow_actuator,
     recorded,
 )
-from deatwin.ident.narx.wander import CONSTANT, VARYING, Track, follow_actuator
 from deatwin.plant import Actuator, Recording, fleet
 from deatwin.plant.arrays import Array, Complex, root_mean_square
 from deatwin.studies.parallel import between, run_told

@@ -18,8 +18,8 @@ from made_rigs import Bare, Gap
 
 from deatwin.control import Check, LinearController, check, lambda_tuning, linearise
 from deatwin.ident.narx import NarxModel, Residual
+from deatwin.ident.narx.document import OperatingRange
 from deatwin.ident.narx.excited import BAND_KEY
-from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant import Parameter, Plant
 from deatwin.plant.builder import Builder
 

@@ -8,7 +8,7 @@ import pytest
 from deatwin.control.linear.family import LinearFamily, linearise_many
 from deatwin.control.linear.model import LinearStatus
 from deatwin.control.linear.narx import linearise
-from deatwin.ident.frequency.uncertainty.parameters import draw_theta
+from deatwin.ident.frequency.uncertainty.regions import draw_theta
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import ModelError, ReadingTime
 

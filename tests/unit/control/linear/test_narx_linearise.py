@@ -6,7 +6,7 @@ import pytest
 
 from deatwin.control import LinearStatus, linearise, linearise_many
 from deatwin.ident.frequency import equilibrium, gfrf
-from deatwin.ident.frequency.uncertainty.parameters import draw_theta
+from deatwin.ident.frequency.uncertainty.regions import draw_theta
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import ModelError, ReadingTime, Recording
 

@@ -9,8 +9,7 @@ from scipy.signal import butter
 from slopes import differences
 
 from deatwin.ident.frequency import equilibrium, gfrf, linear_part, remove_dc
-from deatwin.ident.frequency.dc import deviations
-from deatwin.ident.frequency.removal import remove
+from deatwin.ident.frequency.dc import deviations, remove
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.linear.model import LinearModel
 from deatwin.plant.errors import ModelError

@@ -1,14 +1,13 @@
-"""Frequency responses of orders 1 to 4 against closed forms, a transcription, differences and Monte Carlo."""
+"""Frequency responses against closed forms and differences, on grids and points; those of any model are in tests/property."""
 
-import cmath
 from dataclasses import replace
-from itertools import permutations, product
+from itertools import permutations
 
 import numpy as np
 import pytest
 from slopes import differences
 
-from deatwin.ident.frequency import equilibrium, frequency_grid, gfrf, linear_part
+from deatwin.ident.frequency import frequency_grid, gfrf, output_spectrum
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 
@@ -72,65 +71,6 @@ LAGGED = {
 }
 
 
-class Transcribed:
-    """The recursion as it is printed, eq. 18 to 20 of Peyton Jones and Billings, for one set of frequencies."""
-
-    def __init__(self, model):
-        self.c = {}
-        for term, value in zip(model.terms, model.theta, strict=True):
-            lags = [[v.lag for v in term.expanded if v.kind == kind] for kind in "yu"]
-            self.c.setdefault((len(lags[0]), len(lags[1])), []).append((tuple(lags[0] + lags[1]), value))
-
-    def h(self, w):
-        n = len(w)
-        total = sum(c * cmath.exp(-1j * sum(w[i] * k[i] for i in range(n))) for k, c in self.c.get((0, n), ()))
-        for q, p in product(range(1, n), range(1, n)):
-            if p <= n - q:
-                for k, c in self.c.get((p, q), ()):
-                    turned = cmath.exp(-1j * sum(w[n - q + i] * k[p + i] for i in range(q)))
-                    total += c * turned * self.hp(w[: n - q], p, k)
-        for p in range(2, n + 1):
-            total += sum(c * self.hp(w, p, k) for k, c in self.c.get((p, 0), ()))
-        return total / (1 - sum(c * cmath.exp(-1j * sum(w) * k[0]) for k, c in self.c.get((1, 0), ())))
-
-    def hp(self, w, p, k):
-        n = len(w)
-        if p == 1:
-            return self.h(w) * cmath.exp(-1j * sum(w) * k[0])
-        return sum(
-            self.h(w[:i]) * self.hp(w[i:], p - 1, k) * cmath.exp(-1j * sum(w[:i]) * k[p - 1])
-            for i in range(1, n - p + 2)
-        )
-
-
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_the_response_is_the_mean_of_the_recursion_as_printed(order):
-    """And neither the order of the frequencies nor the sign of all of them matters."""
-    model = NarxModel.from_terms(LAGGED, sample_time=SAMPLE_TIME)
-    omega = random_omega(order, 8)
-
-    def printed(w):
-        return np.array([Transcribed(model).h(tuple(each)) for each in w * SAMPLE_TIME])
-
-    symmetric = gfrf(model, order, omega).values
-    np.testing.assert_allclose(symmetric, mean_over_permutations(printed, omega), rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(symmetric, gfrf(model, order, omega[:, ::-1]).values, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(symmetric.conj(), gfrf(model, order, -omega).values, rtol=1e-12, atol=1e-15)
-
-
-def test_at_an_operating_point_h1_is_the_transfer_function_of_the_linear_part():
-    import control
-
-    part = linear_part(nonlinear(), 0.7, equilibrium(nonlinear(), 0.7).output)
-    a, b = np.zeros(3), np.zeros(3)
-    a[0] = 1.0
-    a[part.output_lags] -= part.a
-    b[part.input_lags] += part.b
-    plant = control.tf(b, a, SAMPLE_TIME)
-    expected = plant(np.exp(1j * OMEGA[:-1] * SAMPLE_TIME))
-    np.testing.assert_allclose(gfrf(nonlinear(), 1, OMEGA[:-1], operating_input=0.7).values, expected, rtol=1e-12)
-
-
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_gradients_against_differences(order):
     """The equilibrium moves with the parameters: some derivatives come through it alone."""
@@ -152,17 +92,6 @@ def test_a_parameter_of_zero_has_a_derivative():
     unit = replace(model, theta=np.array([0.6, 0.4, 1.0]))  # H_2 is linear in it
     np.testing.assert_allclose(response.gradient[:, 2], gfrf(unit, 2, omega).values, rtol=1e-12)
     np.testing.assert_array_equal(gfrf(model, 1, OMEGA).gradient[:, 2], 0.0)
-
-
-def test_blocks_join_without_a_seam():
-    omega = np.random.default_rng(0).uniform(-100, 100, (20000, 2))
-    model = NarxModel.from_terms(LAGGED, sample_time=SAMPLE_TIME)
-    whole = gfrf(model, 2, omega)
-    parts = [gfrf(model, 2, omega[i : i + 1999]) for i in range(0, 20000, 1999)]
-    np.testing.assert_array_equal(whole.values, np.concatenate([part.values for part in parts]))
-    gradients = [gfrf(model, 2, omega[i : i + 400]).gradient for i in range(0, 2400, 400)]
-    whole = gfrf(model, 2, omega[:2400])
-    np.testing.assert_allclose(whole.gradient, np.concatenate(gradients), rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize("lengths", [(7, 5, 3), (41, 23, 30), (1, 6, 4), (6, 1, 4), (6, 4, 1), (1, 1, 1), (3, 1, 1)])
@@ -260,3 +189,34 @@ def test_a_pole_at_the_frequency_is_said():
     for order, omega in ((1, quarter), (1, [0.1, -quarter]), (2, [[0.25 * quarter, 0.75 * quarter]])):
         with pytest.raises(ModelError, match=r"pole on the unit circle, at 0\.25 times the sampling rate"):
             gfrf(model, order, omega)
+    assert np.isfinite(output_spectrum(model, np.ones(6), 1).values).all()  # its lines are sixths
+    with pytest.raises(ModelError, match=r"at 0\.25 times the sampling rate"):
+        output_spectrum(model, np.ones(8), 1)
+
+
+TERMS = {"y(k-1)": 0.5, "y(k-2)": 0.1, "u(k-1)": 0.4, "y(k-1)^2": 0.2, "y(k-1)y(k-2)u(k)": -0.1, "u(k)^2u(k-1)": 0.3}
+MODEL = NarxModel.from_terms(TERMS, sample_time=1.0)
+ANGLES = np.random.default_rng(0).uniform(-3, 3, (5, 3))
+
+
+def test_the_same_signal_written_twice_counts_twice():
+    """y and y1 are the one output of the model."""
+    twice = NarxModel.from_terms({"y(k-1)": 0.3, "y1(k-1)": 0.4, "u(k-1)": 1.0, "y(k-1)^2": 0.1}, sample_time=1.0)
+    once = NarxModel.from_terms({"y(k-1)": 0.7, "u(k-1)": 1.0, "y(k-1)^2": 0.1}, sample_time=1.0)
+    for order, omega in ((1, ANGLES[:, 0]), (2, ANGLES[:, :2])):
+        np.testing.assert_allclose(gfrf(twice, order, omega).values, gfrf(once, order, omega).values, rtol=1e-12)
+
+
+def test_memory_is_bounded_by_blocks():
+    """Beyond what goes in and comes out, 96^3 points take no more than a block may hold (128 MB)."""
+    import tracemalloc
+
+    axis = np.linspace(-3, 3, 96)  # all at once they would take 290 MB
+    omega = frequency_grid(axis, axis, axis)
+    gfrf(MODEL, 3, omega[:10])
+    tracemalloc.start()
+    response = gfrf(MODEL, 3, omega)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    copies = 2 * omega.nbytes + response.values.nbytes  # frequencies in rad/s and in rad/sample
+    assert peak < copies + 128e6

@@ -8,7 +8,7 @@ from deatwin.ident.frequency import gfrf
 from deatwin.ident.frequency.closed_forms import DUFFING, HAMMERSTEIN, LINEAR, QUADRATIC, ClosedForm
 from deatwin.ident.frequency.output_responses.settled import in_bands, left_by_orders
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.fleet.alike import OPERATING_INPUT
+from deatwin.ident.narx.fleet import OPERATING_INPUT
 
 PERIOD = 60
 """Samples of the probing tones."""

@@ -1,13 +1,18 @@
 """Sliding mean and gain: exact cases, coverage of the bands on stationary records, and drift that is found."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_narx import trajectory_of
 from scipy.signal import lfilter
 from scipy.stats import binom, t
 
+from deatwin.ident.frequency.varying.short_time import BANDS, compare_windows, series_error, short_time, windows_of
 from deatwin.ident.frequency.varying.sliding import SlidingStatus, sliding_mean_and_gain
+from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.varying_systems import CONSTANT, VARYING
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
@@ -19,19 +24,6 @@ def record(rng, n, *, gain=1.0, offset=2.0):
     u = lfilter([1.0], [1, -0.5], rng.normal(size=n + LONG))
     y = lfilter([0.0, 0.3], [1, -0.9], u) + lfilter([0.3], [1, -0.8], rng.normal(size=n + LONG))
     return Recording.from_arrays(u[LONG:], offset + gain * y[LONG:], 0.1, start=5.0)
-
-
-def test_a_tone_of_whole_periods_has_the_gain_of_the_frequency_response():
-    # Each batch holds whole periods, so that no batch differs: the bands have no width.
-    k = np.arange(2000)
-    u, y = np.cos(2 * np.pi * k / 20), 3.0 + 0.7 * np.cos(2 * np.pi * k / 20 - 1.0)
-    found = sliding_mean_and_gain(Recording.from_arrays(u, y, 0.1, start=10.0), 40.0, step_s=20.0)
-    np.testing.assert_allclose(found.mean, 3.0, rtol=1e-13)
-    np.testing.assert_allclose(found.gain, 0.7, rtol=1e-12)
-    for limit in (found.gain_low, found.gain_high):
-        np.testing.assert_allclose(limit, 0.7, rtol=1e-10)
-    np.testing.assert_allclose(found.timepts, 10.0 + 0.1 * 199.5 + 20.0 * np.arange(9))
-    assert found.window_s == pytest.approx(40.0)
 
 
 @pytest.mark.parametrize(("offset", "step", "rel"), [(2.0, None, 1e-9), (1e4, 0.7, 1e-8), (1e4, 25.0, 1e-8)])
@@ -167,3 +159,40 @@ def test_what_cannot_be():
         sliding_mean_and_gain(given, 50.0, step_s=[1.0, 2.0])
     with pytest.raises(DataError, match="2 inputs and 1 outputs"):
         sliding_mean_and_gain(Recording.from_arrays(np.ones((2, 1000)), np.arange(1000.0), 0.1), 50.0)
+
+
+STEP = 0.12
+
+
+def test_a_window_is_seen_as_its_hann_weighted_transform() -> None:
+    values = np.random.default_rng(3).standard_normal(64) + 5.0
+    weights = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(64) / 64)
+    expected = np.fft.rfft(weights * (values - values.mean())) / weights.sum()
+    frequencies, found = short_time(values, 0.1)
+    np.testing.assert_allclose(frequencies, np.fft.rfftfreq(64, 0.1))
+    np.testing.assert_allclose(np.abs(found), np.abs(expected), atol=1e-14)
+    tone = 3.0 * np.cos(2 * np.pi * 8 * np.arange(64) / 64)
+    assert np.abs(short_time(tone, 0.1)[1][8]) == pytest.approx(1.5)
+
+
+def test_a_periodic_recording_is_predicted_exactly() -> None:
+    model = NarxModel.from_terms(
+        {"1": 1e-5, "y(k-1)": 0.6, "u(k)": 2e-5, "u(k)u(k-1)": 1e-5, "u(k)^3": 3e-6, "u(k-1)^5": 1e-7}, sample_time=STEP
+    )
+    period = 2.4 + 0.5 * np.random.default_rng(4).standard_normal(166)
+    long = Recording.from_arrays(np.tile(period, 12), np.zeros(12 * 166), STEP)
+    steady = model.simulate(long).outputs[0]
+    record = replace(long, outputs=steady[None]).section(6 * 166, 12 * 166)
+    n = 6 * 166
+    trajectory = trajectory_of(model, record.timepts, np.repeat(model.theta[:, None], n, axis=1))
+    windows = windows_of(record, 166 * STEP)
+    assert len(windows) == 11 and windows[1].start == pytest.approx(windows[0].start + 83 * STEP)
+    found = compare_windows(windows, {CONSTANT: model, VARYING: trajectory}, 2.4)
+    for way in (CONSTANT, VARYING):
+        for band in BANDS:
+            assert found.error(way, band) < 1e-9
+            np.testing.assert_allclose(found.power_ratio_dB(way, band), 0.0, atol=1e-8)
+    assert series_error(trajectory, windows[0], 2.4) < 1e-9
+    doubled = replace(found, predicted={VARYING: 2 * found.recorded})
+    np.testing.assert_allclose(doubled.power_ratio_dB(VARYING, BANDS[0]), 6.0206, atol=1e-4)
+    assert doubled.error(VARYING, BANDS[0]) == pytest.approx(1.0)

@@ -6,13 +6,11 @@ from direct import direct_output
 from made_narx import trajectory_of
 from slopes import differences
 
-from deatwin.ident.frequency import equilibrium, output_orders, output_spectrum
+from deatwin.ident.frequency import output_orders, output_spectrum
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
-from deatwin.ident.frequency.spectrum import spectrum_of
 from deatwin.ident.frequency.varying.along_time import tv_nofrf
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
-from deatwin.plant.recording import Recording
 
 TERMS = {
     "1": 0.2,
@@ -66,26 +64,6 @@ def test_orders_are_sums_over_the_frequency_responses(excitation):
         np.testing.assert_allclose(by_products.values, direct.values, rtol=0, atol=1e-12 * size)
         size = np.abs(direct.gradient).max()
         np.testing.assert_allclose(by_products.gradient, direct.gradient, rtol=0, atol=1e-12 * size)
-
-
-@pytest.mark.parametrize("excitation", EXCITATIONS.values(), ids=EXCITATIONS.keys())
-def test_orders_are_the_powers_of_the_level_in_the_simulated_steady_state(excitation):
-    """v(alpha) = sum of alpha^n Y_n: 16 levels and a polynomial in them tell the orders apart.
-
-    The powers beyond the polynomial's degree, and its conditioning, leave 1e-10 of the third order.
-    """
-    n, levels, degree = excitation.size, 0.7 * np.cos(np.pi * (np.arange(16) + 0.5) / 16), 14
-    ybar = equilibrium(model(), OPERATING).output
-    spectra = []
-    for level in levels:
-        inputs = OPERATING + level * np.tile(excitation, -(-400 // n))
-        start = Recording.from_arrays(inputs, np.full(inputs.size, ybar), SAMPLE_TIME)
-        spectra.append(spectrum_of(model().simulate(start).outputs[0, -n:] - ybar))
-    powers = levels[:, None] ** np.arange(1, degree + 1)
-    separated = np.linalg.lstsq(powers, np.array(spectra), rcond=None)[0]
-    for order, response in enumerate(output_orders(model(), excitation, 3, operating_input=OPERATING)):
-        size = np.abs(response.values).max()
-        np.testing.assert_allclose(response.values, separated[order], rtol=0, atol=1e-8 * size)
 
 
 def test_a_square_of_two_tones_by_hand():

@@ -6,11 +6,11 @@ import pytest
 from deatwin.ident.frequency import frequency_grid, gfrf
 from deatwin.ident.frequency.output_responses.estimate import nofrf_exact
 from deatwin.ident.frequency.output_responses.result import NofrfWarning
-from deatwin.ident.frequency.varying import following, moving_parts
+from deatwin.ident.frequency.varying import following
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.frequency.varying.following import hold_equilibrium
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.operating import OperatingRange
+from deatwin.ident.narx.document import OperatingRange
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.errors import ModelError
 
@@ -232,20 +232,6 @@ def test_where_the_equilibrium_vanishes_there_is_no_response_and_no_crash():
 # ---- the error of frozen responses
 
 
-def test_the_error_is_the_rate_of_the_response_times_the_delay_of_the_feedback():
-    # H = b z/(1 - a1 z - a2 z^2): the correction is -(dH/dk) (a1 z + 2 a2 z^2)/(1 - a1 z - a2 z^2).
-    k = np.arange(20)
-    a1, b = 1.2 + 0.1 * np.sin(k / 30), 1 + 0.2 * np.cos(k / 20)
-    terms = {"y(k-1)": 1.0, "y(k-2)": -0.5, "u(k-1)": 1.0}
-    found = tv_gfrf(trajectory_of(terms, {"y(k-1)": a1, "u(k-1)": b}), 1, W)
-    z = np.exp(-1j * T * W)
-    denominator = 1 - np.outer(a1, z) + 0.5 * z**2
-    response = b[:, None] * z / denominator
-    wanted = -np.gradient(response, axis=0) * (np.outer(a1, z) - z**2) / denominator
-    np.testing.assert_allclose(found.frozen_correction, wanted, rtol=1e-9)
-    np.testing.assert_allclose(found.frozen_error, np.abs(wanted), rtol=1e-9)
-
-
 @pytest.mark.parametrize("places", [[260, 1010, 2010], np.arange(100, 2400, 300), [1000]], ids=["few", "even", "one"])
 def test_the_error_of_times_far_apart_is_that_of_the_system_between_them(places):
     # y(k) = a(k) y(k-1) + u(k-1) under e^(jwk) is h(k) e^(jwk) with h(k) = (a(k) h(k-1) + 1) e^(-jw), a recursion. The
@@ -277,7 +263,7 @@ def test_the_error_of_a_tone_is_the_same_in_all_forms():
 def test_blocks_of_times_change_nothing(monkeypatch):
     trajectory, _ = vanishing()
     whole = tv_gfrf(trajectory, 2, np.stack([W, W], -1)).frozen_correction
-    monkeypatch.setattr(moving_parts, "_BLOCK", 12)
+    monkeypatch.setattr(following, "_BLOCK", 12)
     np.testing.assert_array_equal(tv_gfrf(trajectory, 2, np.stack([W, W], -1)).frozen_correction, whole)
     linear = tv_gfrf(trajectory_of({"y(k-1)": 0.5, "u(k-1)": 1.0}), 2, np.stack([W, W], -1))
     np.testing.assert_array_equal(linear.frozen_correction, 0.0)  # a response that is zero throughout

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.covariance import covariance_root, transformed
+from deatwin.ident.narx.estimate import Ridge
 from deatwin.ident.narx.linear import LinearModel
-from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.plant.errors import ModelError
 
 EPS = np.finfo(float).eps

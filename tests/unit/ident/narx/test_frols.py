@@ -9,9 +9,8 @@ import pytest
 from stopping import StopAt
 
 from deatwin.ident.narx import Frols, regression
-from deatwin.ident.narx.criteria import criterion_values
-from deatwin.ident.narx.forward import forward_selection
-from deatwin.ident.narx.shrinkage import Ridge
+from deatwin.ident.narx.estimate import Ridge
+from deatwin.ident.narx.forward import criterion_values, forward_selection
 from deatwin.plant.recording import Recording
 
 bilinear = partial(made_narx.bilinear, noise=0.01)

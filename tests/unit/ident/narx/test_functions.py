@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from slopes import differences
 
 from deatwin.ident.frequency import equilibrium, gfrf, linear_part
 from deatwin.ident.narx import (
@@ -17,13 +16,10 @@ from deatwin.ident.narx import (
     SvbNarx,
     Term,
     generate_terms,
-    refine,
     register_function,
     shapes,
 )
 from deatwin.ident.narx.free_run import March
-from deatwin.ident.narx.joined import Joined
-from deatwin.ident.narx.refine import sensitivities
 from deatwin.ident.nss import NonlinearStateSpace, Pnlss
 from deatwin.plant import ModelError, Recording
 
@@ -109,20 +105,6 @@ def test_the_terms_are_found_in_any_unit(identifier: type, unit: float) -> None:
     assert set(theta) >= {str(Term.parse(counted(text))) for text in TRUE}
     assert theta["|u(k-1)|"] == pytest.approx(0.3, abs=0.01)
     assert found.model_.simulate(recorded(0.0, unit)).rms_error < 0.005 * unit
-
-
-def test_sensitivities_are_derivatives_of_the_free_run() -> None:
-    smooth = NarxModel.from_terms(
-        {"y(k-1)": 0.4, "|u(k-1)|": 0.3, "rbf(y(k-1)-y(k-2),0.1,0.5)": -0.3, "u(k-1)spline(y(k-1),0.2)": 0.2},
-        sample_time=0.1,
-    )
-    record = smooth.simulate(U, initial=np.zeros(2))
-    drive = Recording.from_arrays(U, record.outputs[0], 0.1)
-    found = sensitivities(smooth, Joined.of(smooth, [drive]))
-    slopes = differences(lambda t: replace(smooth, theta=t).simulate(drive).outputs[0, 2:], smooth.theta, 1e-6)
-    np.testing.assert_allclose(found, slopes, atol=1e-6)
-    start = replace(smooth, theta=smooth.theta * 1.05)
-    assert refine(start, drive).simulate(drive).rms_error < 1e-6
 
 
 def test_a_function_of_ones_own_by_name(tmp_path: Path) -> None:

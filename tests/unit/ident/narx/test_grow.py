@@ -8,8 +8,7 @@ from stopping import StopAt
 from deatwin.ident.narx import Fixed, Frols, Grow, NarxModel, free_run_band, refine
 from deatwin.ident.narx.grow import linear_start
 from deatwin.ident.narx.identifier import FitStatus
-from deatwin.ident.narx.joined import Joined
-from deatwin.ident.narx.refine import autocovariance, with_correlated_error
+from deatwin.ident.narx.refine import Joined, autocovariance, with_correlated_error
 from deatwin.ident.narx.regression import Regression
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording

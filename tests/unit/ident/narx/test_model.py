@@ -14,25 +14,6 @@ def make_recording(n=200, seed=0, sample_time=0.1):
     return Recording.from_arrays(rng.uniform(-1, 1, n), rng.uniform(-1, 1, n), sample_time, start=5.0)
 
 
-def by_hand(u, y, k):
-    return 0.5 * y[k - 1] - 0.2 * y[k - 2] + 0.3 * u[k - 1] + 0.1 * u[k] ** 2 - 0.05 * y[k - 1] ** 2 * u[k - 2] + 0.02
-
-
-def test_predict_uses_the_measured_past_and_simulate_its_own():
-    recording = make_recording()
-    model = full_narx()
-    u, y = recording.inputs[0], recording.outputs[0]
-    run, step = list(y[:2]), list(y[:2])
-    for k in range(2, u.size):
-        run.append(by_hand(u, run, k))
-        step.append(by_hand(u, y, k))
-    simulated, predicted = model.simulate(recording), model.predict(recording)
-    np.testing.assert_allclose(simulated.outputs, [run], rtol=1e-13, atol=1e-15)
-    np.testing.assert_allclose(predicted.outputs, [step], rtol=1e-13, atol=1e-15)
-    assert simulated.status.ok and simulated.failed_at_s is None
-    assert predicted.residuals.shape == (1, 198)
-
-
 def test_divergence_is_a_status_with_its_time():
     recording = make_recording()
     with np.errstate(all="raise"):

@@ -37,33 +37,6 @@ def given(recordings, terms, noise_terms, first):
     return replace(data, first=first), tuple(map(Term.parse, noise_terms))
 
 
-def test_it_ends_where_the_sum_of_squares_is_least():
-    """By a plain loop and a general minimiser, with the start of e as a further unknown whose square counts."""
-    recording = armax(0)
-    data, noise_terms = given(recording, ["y(k-1)", "u(k-1)"], ["e(k-1)"], 1)
-    fit = prediction_error_fit(data, noise_terms, tolerance=1e-10)
-    assert fit.converged and fit.changes[-1] <= 1e-10 < fit.changes[0]
-    scale = data.output_scale
-    found = fit.estimate.theta * [1, scale / data.input_scales[0], 1]
-    u, y = recording.inputs[0], recording.outputs[0]
-
-    def errors(unknowns):
-        a, b, c, start = unknowns
-        e = np.append(start, np.zeros(499))
-        for k in range(1, 500):
-            e[k] = y[k] - a * y[k - 1] - b * u[k - 1] - c * e[k - 1]
-        return e
-
-    least = least_squares(errors, [0.5, 0.5, 0.0, 0.0], xtol=1e-12, ftol=1e-14, gtol=1e-12)
-    np.testing.assert_allclose(found, least.x[:3], atol=1e-6)
-    np.testing.assert_allclose(fit.noise[0][0] * scale, least.fun, atol=1e-6)
-    variance = np.sum(least.fun**2) / (499 - 3)
-    assert fit.estimate.noise_variance * scale**2 == pytest.approx(variance, rel=1e-8)
-    cov = variance * np.linalg.inv(least.jac.T @ least.jac)[:3, :3]
-    scales = np.array([1, scale / data.input_scales[0], 1])
-    np.testing.assert_allclose(fit.estimate.theta_cov * np.outer(scales, scales), cov, rtol=1e-4, atol=1e-9)
-
-
 def test_errors_and_slopes_of_noise_terms_of_all_kinds():
     """Products of e with itself and other signals, two recordings: errors by the model's own prediction."""
     recordings = [armax(1, 60), armax(2, 40)]
@@ -236,11 +209,12 @@ def test_an_exact_recording_leaves_no_noise_and_says_so():
     np.testing.assert_allclose(narmax.model_.theta[:4], [1.5, -0.7, 1.0, 0.5], rtol=1e-9)
 
 
-def test_every_recording_has_a_start_of_its_own():
-    """Three recordings with two unknown errors before each: a plain loop and a general minimiser find the same."""
+def test_it_ends_where_the_sum_of_squares_is_least():
+    """Three recordings, two unknown errors before each whose squares count: by a plain loop and a general minimiser."""
     recordings = [armax(seed, n) for seed, n in ((1, 60), (2, 7), (3, 90))]
     data, noise_terms = given(recordings, ["y(k-1)", "u(k-1)"], ["e(k-1)", "e(k-2)"], 2)
     fit = prediction_error_fit(data, noise_terms, tolerance=1e-10)
+    assert fit.converged and fit.changes[-1] <= 1e-10 < fit.changes[0]
     scale = data.output_scale
 
     def errors(unknowns):
@@ -257,6 +231,7 @@ def test_every_recording_has_a_start_of_its_own():
     np.testing.assert_allclose(fit.estimate.theta * units, least.x[:4], atol=1e-6)
     np.testing.assert_allclose(np.concatenate(fit.noise, axis=1)[0] * scale, least.fun, atol=1e-6)
     variance = np.sum(least.fun**2) / (151 - 4)
+    assert fit.estimate.noise_variance * scale**2 == pytest.approx(variance, rel=1e-8)
     covariance = variance * np.linalg.inv(least.jac.T @ least.jac)[:4, :4]
     np.testing.assert_allclose(fit.estimate.theta_cov * np.outer(units, units), covariance, rtol=1e-4)
 

@@ -3,7 +3,6 @@
 The reference is the same experiment without its offsets, or the raw polynomial where that still has its digits.
 """
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 
 from deatwin.ident.frequency import equilibrium, gfrf, hold_equilibrium, linear_part, remove_dc
 from deatwin.ident.narx import Fixed, Frols, Lasso, Narmax, NarxModel, Semp, SvbNarx, ThetaSmoother, refine
-from deatwin.ident.narx.predictive import free_run_band, one_step_band
+from deatwin.ident.narx.posterior import free_run_band, one_step_band
 from deatwin.ident.narx.robust import robust
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -273,35 +272,6 @@ def test_it_is_printed_with_its_origin():
     assert str(about_origin()).endswith("\nwhere y is output less 300, u is input less 40")
     with pytest.raises(ModelError, match=r"input_origin must be 1 finite number"):
         NarxModel.from_terms({"y(k-1)": 0.5}, sample_time=1.0, input_origin=[1.0, 2.0])
-
-
-def test_the_exported_source_runs_as_the_model(tmp_path):
-    import ctypes
-    import shutil
-    import subprocess
-
-    from deatwin.ident.narx.export import narx_source
-
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("no C compiler")
-    source = narx_source(about_origin())
-    driver = """
-        narx_state held;
-        void start(void) { narx_init(&held); }
-        int go(const double *u, double *y) { return narx_step(&held, u, y); }
-    """
-    (tmp_path / "narx.c").write_text(source.text + driver)
-    subprocess.run([compiler, "-shared", "-fPIC", "-o", tmp_path / "narx.so", tmp_path / "narx.c"], check=True)
-    library, recording, number = ctypes.CDLL(str(tmp_path / "narx.so")), experiment(), ctypes.c_double
-    library.start()
-    rest = Recording.from_arrays(
-        np.concatenate([np.full((1, 2), U0), recording.inputs], axis=1), np.full(recording.n_samples + 2, Y0), 1.0
-    )
-    expected, y = about_origin().simulate(rest).outputs[0, 2:], number()
-    for u, wanted in itertools.islice(zip(recording.inputs[0], expected, strict=True), 100):
-        assert library.go(ctypes.byref(number(u)), ctypes.byref(y)) == 0
-        assert y.value == pytest.approx(wanted, abs=1e-9)
 
 
 def test_a_named_signal_is_written_as_in_the_terms() -> None:

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 from scipy.stats import kendalltau
 
 from deatwin.ident.narx.preprocess import SectionStatus, choose_sections
-from deatwin.ident.narx.preprocess.stationarity import SegmentMeans, correlation_samples, cut, trend_p_value
+from deatwin.ident.narx.preprocess.sections import SegmentMeans, correlation_samples, cut, trend_p_value
 from deatwin.plant.recording import Recording
 
 

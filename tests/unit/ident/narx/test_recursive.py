@@ -5,8 +5,7 @@ import pytest
 from stopping import StopAt
 
 from deatwin.ident.narx import FitStatus, NarxModel
-from deatwin.ident.narx.random_walk import ThetaSmoother
-from deatwin.ident.narx.recursive import Rls
+from deatwin.ident.narx.recursive import Rls, ThetaSmoother
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.testing import check_identifier
 from deatwin.plant.errors import DataError, ModelError

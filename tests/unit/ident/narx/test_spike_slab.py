@@ -1,12 +1,14 @@
 """The spike-and-slab sampler of structures against closed forms and enumeration."""
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
+import pytest
 from made_regressions import regression
 
 from deatwin.ident.narx.bayes import Statistics
-from deatwin.ident.narx.spike_slab import SpikeSlab, sample_structures
+from deatwin.ident.narx.spike_slab import SpikeSlab, full_margin, near_margin, sample_structures
 
 
 def test_evidence_is_that_of_a_gaussian_process() -> None:
@@ -52,3 +54,32 @@ def test_the_sampler_agrees_with_enumeration() -> None:
 def spike_slab(rows: np.ndarray, target: np.ndarray) -> SpikeSlab:
     data = Statistics(gram=rows @ rows.T, moment=rows @ target, power=float(target @ target), n_samples=target.size)
     return SpikeSlab(data=data)
+
+
+def test_t_values_of_all_candidates() -> None:
+    rows, target = regression(1)
+    design = rows.T
+    theta, (squares,), _, _ = np.linalg.lstsq(design, target, rcond=None)
+    t = np.abs(theta) / np.sqrt(squares / (60 - 8) * np.diag(np.linalg.inv(design.T @ design)))
+    margin = full_margin(rows, target, np.array([0, 2, 5]))
+    assert margin.true == pytest.approx(t[[0, 2, 5]].min())
+    assert margin.false == pytest.approx(t[[1, 3, 4, 6, 7]].max())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_truth_among_its_neighbours(seed: int) -> None:
+    # The reference fits every neighbour by least squares.
+    rows, target = regression(seed)
+    true, false = [0, 2, 5], [1, 3, 4, 6, 7]
+
+    def squares(terms: Sequence[int]) -> float:
+        theta = np.linalg.lstsq(rows[list(terms)].T, target, rcond=None)[0]
+        return float(np.sum((target - theta @ rows[list(terms)]) ** 2))
+
+    own = squares(true)
+    dropped = min((squares([t for t in true if t != out]) - own) / (own / 57) for out in true)
+    added = max((own - squares([*true, extra])) / (squares([*true, extra]) / 56) for extra in false)
+    swapped = min(squares([*(t for t in true if t != out), extra]) for out in true for extra in false)
+    margin = near_margin(rows, target, np.array(true))
+    assert margin.true == pytest.approx(np.sqrt(dropped))
+    assert margin.false == (pytest.approx(np.sqrt(added)) if swapped >= own else np.inf)

@@ -140,7 +140,7 @@ def test_an_interrupt_before_anything_is_found_goes_on(monkeypatch):
 
 
 def test_pictures_mark_the_choice():
-    from deatwin.ident.narx.pruning import draw_relevance_paths
+    from deatwin.ident.narx.svb import draw_relevance_paths
 
     svb = SvbNarx(clean_up="none").fit(bilinear())
     line, mark = svb.plot().get_lines()

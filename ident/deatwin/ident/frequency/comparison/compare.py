@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.ident.arguments import probability, real_number
-from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means, whole_orders
-from deatwin.ident.frequency.comparison.equality import Equality, equality, holm
+from deatwin.ident.frequency.comparison.bands import BandMean, Equality, Range, band_means, equality, holm, whole_orders
 from deatwin.ident.frequency.linear import operating_input_of
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable

@@ -12,9 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.arguments import read_only, real_number
-from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
-from deatwin.ident.frequency.output_responses.ranges import checked_band, checked_sample_time
-from deatwin.ident.narx.operating import OperatingRange
+from deatwin.ident.frequency.output_responses.powers import (
+    InputSpectrum,
+    checked_band,
+    checked_sample_time,
+    input_spectrum,
+)
+from deatwin.ident.narx.document import OperatingRange
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.arrays import Array
 from deatwin.plant.copies import Frozen

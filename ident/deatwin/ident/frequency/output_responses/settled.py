@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,13 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.ident.frequency.dc import deviations
 from deatwin.ident.frequency.output_responses.estimate import nofrf_exact
 from deatwin.ident.frequency.output_responses.excitation import TestSignal
-from deatwin.ident.frequency.output_responses.ranges import output_frequencies
+from deatwin.ident.frequency.output_responses.powers import output_frequencies
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfWarning
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import output_orders, spectrum_of
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import Array, Complex
-from deatwin.plant.recording import Recording
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
 
 PERIODS = 40  # Periods until an output is settled: with 200 samples a period a pole of 0.9 is then at 1e-366
 
@@ -123,3 +125,26 @@ def power_outside(values: Complex, frequency_Hz: Array, bands_Hz: Array) -> floa
     """Share of a spectrum's power outside several bands. Shapes: `values, frequency_Hz` (n_lines,); `bands_Hz` (k, 2)."""
     power = np.abs(values) ** 2
     return float(power[~in_bands(frequency_Hz, bands_Hz)].sum() / power.sum()) if power.any() else 0.0
+
+
+TONE_PERIODS = 3  # Periods of the lowest tone; the first ones let the plant settle
+
+
+def tone_response(
+    plant: Plant, frequency_Hz: Sequence[float], size: float, operating_input: float
+) -> NDArray[np.complex128]:
+    """Measure the response (n_frequencies,) to tones of both signs, so that even orders cancel."""
+    step = plant.rig.sample_time
+    n = round(1 / frequency_Hz[0] / step)
+    lines = np.round(np.array(frequency_Hz) * n * step).astype(int)
+    phases = np.arange(lines.size)[:, None] ** 2  # keeps the peaks of the tones apart
+    period = np.cos(2 * np.pi * np.outer(lines, np.arange(n)) / n + phases).sum(axis=0)
+    period *= size / np.abs(period).max()
+
+    def answer(sign: int) -> NDArray[np.complex128]:
+        commands = operating_input + np.tile(sign * period, TONE_PERIODS)
+        record = Recording.from_arrays(commands, np.zeros_like(commands), step)
+        run = plant.simulate(Experiment(recordings=(record,))).require().outputs[-1][0, -n:]
+        return np.asarray(np.fft.rfft(run)[lines])
+
+    return np.asarray((answer(1) - answer(-1)) / 2 / np.fft.rfft(period)[lines])

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse
-from deatwin.ident.frequency.uncertainty.parameters import Quantity
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyWarning, propagate
+from deatwin.ident.frequency.uncertainty.regions import Quantity
 from deatwin.ident.frequency.uncertainty.sampling import Sampled, sample
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.arrays import Array, Complex

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import read_only
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, Polar, interval_radius, polar
-from deatwin.ident.frequency.uncertainty.parameters import Quantity, draw_theta, evaluate, response_of
-from deatwin.ident.frequency.uncertainty.regions import Uncertain
+from deatwin.ident.frequency.uncertainty.regions import Quantity, Uncertain, draw_theta, evaluate, response_of
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Metadata, attribute, variable

@@ -14,8 +14,14 @@ from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, read_only, whole_number
 from deatwin.ident.frequency.response import Band
-from deatwin.ident.frequency.uncertainty.parameters import Quantity, draw_theta, evaluate, response_of
-from deatwin.ident.frequency.uncertainty.regions import Uncertain, plot_draws
+from deatwin.ident.frequency.uncertainty.regions import (
+    Quantity,
+    Uncertain,
+    draw_theta,
+    evaluate,
+    plot_draws,
+    response_of,
+)
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import Array, Complex, require_generator
 from deatwin.plant.datasets import Metadata, attribute, variable

@@ -11,18 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.arguments import read_only, real_numbers
-from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.gfrf import HIGHEST_ORDER, checked_frequencies, gfrf, require_one_input
-from deatwin.ident.frequency.hierarchy import Jet, Parts
-from deatwin.ident.frequency.linear import operating_input_of
+from deatwin.ident.frequency.hierarchy import Jet, Orders, Parts, Tones
+from deatwin.ident.frequency.linear import operating_input_of, whole_order
 from deatwin.ident.frequency.output_responses.estimate import nofrf_exact
 from deatwin.ident.frequency.output_responses.powers import input_spectrum
 from deatwin.ident.frequency.output_responses.result import NofrfStatus, NofrfWarning
-from deatwin.ident.frequency.parts import Orders, Tones
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import one_period, spectrum_of
-from deatwin.ident.frequency.varying.following import beside, followed
-from deatwin.ident.frequency.varying.moving_parts import Reading, correction
+from deatwin.ident.frequency.varying.following import Reading, beside, correction, followed
 from deatwin.ident.frequency.varying.response import VaryingResponse
 from deatwin.ident.narx.identifier import Progress
 from deatwin.ident.narx.model import NarxModel

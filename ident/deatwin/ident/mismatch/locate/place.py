@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import chdtrc, ndtr
 
-from deatwin.ident.frequency.comparison.equality import holm
+from deatwin.ident.frequency.comparison.bands import holm
 from deatwin.ident.greybox.filter import open_place
 from deatwin.ident.greybox.filter_foreign import linearise
 from deatwin.ident.greybox.filter_linear import Floor, Linear, without_repeats

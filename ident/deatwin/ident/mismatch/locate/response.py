@@ -17,16 +17,14 @@ from math import factorial, sqrt
 
 import numpy as np
 
-from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means
-from deatwin.ident.frequency.comparison.equality import Scatter, equality, holm
+from deatwin.ident.frequency.comparison.bands import BandMean, Range, Scatter, band_means, equality, holm
 from deatwin.ident.mismatch.located import ResponseDifference
 from deatwin.ident.mismatch.thresholds import CHANCE, PRACTICAL_SHARE
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.robust import Cosines, pseudovalues
-from deatwin.ident.narx.rules import AtMost
-from deatwin.ident.narx.terms import generate_terms
+from deatwin.ident.narx.terms import AtMost, generate_terms
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording

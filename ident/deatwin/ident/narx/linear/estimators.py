@@ -13,8 +13,7 @@ from deatwin.ident.narx.estimate import LeastSquares
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
 from deatwin.ident.narx.linear.model import LinearModel
 from deatwin.ident.narx.linear.polynomials import Orders, per_input
-from deatwin.ident.narx.linear.prediction import Minimum, PredictionErrorLoss, minimise
-from deatwin.ident.narx.linear.start import starting_points
+from deatwin.ident.narx.linear.prediction import Minimum, PredictionErrorLoss, minimise, starting_points
 from deatwin.ident.narx.regression import Recordings, Regression, flatten, provenance_of, require_no_target
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.arguments import truth

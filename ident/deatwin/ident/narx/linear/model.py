@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import keep_read_only, read_only
+from deatwin.ident.narx.document import set_covariance, set_signals, signals_of
 from deatwin.ident.narx.drive import require_suits, signals_like
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
 from deatwin.ident.narx.linear.prediction import lagged, prediction_errors, recursed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
 from deatwin.ident.narx.terms import Term, Variable
-from deatwin.ident.narx.values import set_covariance, set_signals, signals_of
 from deatwin.plant.arrays import Array, texts
 from deatwin.plant.datasets import (
     Described,

@@ -13,8 +13,8 @@ from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Variables
 from deatwin.plant.errors import ModelError
 
-_ONE = np.ones(1)
-_ONE.setflags(write=False)
+ONE = np.ones(1)
+ONE.setflags(write=False)
 _LARGEST = 0.9999  # magnitude up to which a root counts as inside the unit circle when a search starts
 
 
@@ -137,11 +137,11 @@ class Orders:
         m = len(self.nb)
         c, d, offset = rest[2 * m :]
         return Polynomials(
-            a=np.concatenate((_ONE, a)),
+            a=np.concatenate((ONE, a)),
             b=tuple(np.concatenate((np.zeros(nk), b)) for nk, b in zip(self.nk, rest[:m], strict=True)),
-            c=np.concatenate((_ONE, c)),
-            d=np.concatenate((_ONE, d)),
-            f=tuple(np.concatenate((_ONE, f)) for f in rest[m : 2 * m]),
+            c=np.concatenate((ONE, c)),
+            d=np.concatenate((ONE, d)),
+            f=tuple(np.concatenate((ONE, f)) for f in rest[m : 2 * m]),
             offset=float(offset[0]) if self.offset else 0.0,
         )
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.narx.levels import input_levels, said_of_levels
-from deatwin.ident.narx.preprocess.stationarity import (
+from deatwin.ident.narx.preprocess.sections import (
     ENOUGH_CORRELATION_TIMES,
     chance_of_mean,
     correlation_samples,
@@ -178,8 +178,7 @@ class _Channel:
 
 
 def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
-    """Find a linear trend, and significant drift of segment means beyond it; nothing is reported unless segments are
-    long compared with the correlation time, so that their means are nearly independent."""
+    """Find a linear trend, and drift of segment means beyond it where segments are long against the memory."""
     from scipy.special import fdtrc, stdtr
 
     y = channel.values

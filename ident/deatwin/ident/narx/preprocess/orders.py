@@ -13,8 +13,8 @@ import numpy as np
 
 from deatwin.ident.arguments import whole_number
 from deatwin.ident.narx.identifier import NarxIdentifier
-from deatwin.ident.narx.lags import Lags, lags_anywhere
 from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.ident.narx.terms import Lags, lags_anywhere
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.datasets import Described, Metadata, attribute, squared, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
