@@ -43,7 +43,7 @@ def resolved(plant: Plant, experiments: Sequence[Experiment]) -> Plant:
     if error > plant.rig.noise:
         logger.warning(
             "the %s is simulated with an error of up to %s after steps of the command, because the plant moves faster "
-            "than its samples; with a shorter sample time the error is smaller",
+            "than its samples or its friction reverses within them; with a shorter sample time the error is smaller",
             plant.rig.output_name,
             with_unit(error, plant.rig.output_unit),
         )

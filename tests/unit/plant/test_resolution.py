@@ -9,9 +9,19 @@ import numpy as np
 import pytest
 from made_rigs import Pushed
 
-from deatwin.plant import Delay, Effect, Experiment, Parameter, Plant, ReadingTime, SensorJump, StartProcedure
+from deatwin.plant import (
+    CoulombFriction,
+    Delay,
+    Effect,
+    Experiment,
+    Parameter,
+    Plant,
+    ReadingTime,
+    SensorJump,
+    StartProcedure,
+)
 from deatwin.plant.builder import Builder
-from deatwin.plant.resolution import free_modes, mode_error, resolved
+from deatwin.plant.resolution import followed_plant, free_modes, mode_error, resolved
 
 pytestmark = pytest.mark.usefixtures("uncompiled")
 
@@ -89,6 +99,22 @@ def test_an_effect_that_depends_on_the_samples_is_no_error(
     assert needed > 1
     assert resolved(PUSHED.with_effects(effect), [held]).steps == needed
     assert "simulated with an error" not in caplog.text
+
+
+def test_friction_that_reverses_within_samples_takes_more_steps(experiment) -> None:
+    """A slow mass of 10 g on 25 N/m is steered from stop to stop, in each of which a friction of 5 mN turns round."""
+    slow = Plant(rig=Pushed(noise=1e-7), values={"mass": 0.01, "damping": 0.05, "stiffness": 25.0})
+    held = experiment(np.repeat([0.0, 12.0, 4.0, 10.0, -6.0, 3.0], 20))
+    assert resolved(slow, [held]) is slow
+    plant = slow.with_effects(CoulombFriction(force=5e-3, slip=1e-4))
+    exact = replace(plant, steps=64).simulate(held).outputs[0][0]
+    followed, largest = followed_plant(plant, [held])
+    errors = [one.simulate(held).outputs[0][0] - exact for one in (plant, followed)]
+    # Where the force jumps, the order of a step is one, so that eight steps leave an eighth of the error or less.
+    assert np.sqrt(np.mean(errors[1] ** 2)) < np.sqrt(np.mean(errors[0] ** 2)) / 8
+    assert np.abs(errors[1]).max() == pytest.approx(largest, rel=0.5)
+    hidden = 1.1 * float(np.sqrt(np.mean(errors[0] ** 2)))
+    assert followed_plant(plant, [held], hidden=hidden) == (plant, 0.0)
 
 
 def test_a_start_by_steps_is_no_error(experiment, caplog: pytest.LogCaptureFixture) -> None:
