@@ -26,8 +26,11 @@ def on_page_content(content: str, **_: Any) -> str:
 def _whole(part: str) -> str:
     if part.startswith("<code>"):
         long = sum(map(len, TEXT.findall(part))) > LONGEST_NAME
-        part = TEXT.sub(lambda found: whole_options(found[0]), part)
+        part = TEXT.sub(lambda found: _paths(whole_options(found[0])), part)
         return part.replace("<code>", '<code class="long">', 1) if long else part
-    if part.startswith("<"):
-        return part
-    return PATH.sub(lambda found: found[0].replace("/", "/<wbr>"), kept_together(part))
+    return part if part.startswith("<") else _paths(kept_together(part))
+
+
+def _paths(text: str) -> str:
+    """Break a long path behind its slashes."""
+    return PATH.sub(lambda found: found[0].replace("/", "/<wbr>"), text)
