@@ -14,7 +14,7 @@ PARTS = re.compile(r"<(pre|svg|math|script|style|code)\b.*?</\1>|<[^>]*>|[^<]+",
 TEXT = re.compile(r"(?<=>)[^<]+")
 PATH = re.compile(r"[^\s<>]{26,}")
 """An address or a path that may be too long for a line."""
-LONGEST_NAME = 24
+LONGEST_NAME = 26
 """Characters of the longest code in a table that is a name, and stays on one line; longer code is a sentence."""
 
 
@@ -24,6 +24,8 @@ def on_page_content(content: str, **_: Any) -> str:
 
 
 def _whole(part: str) -> str:
+    if part.startswith("<pre"):
+        return TEXT.sub(lambda found: whole_options(found[0]), part)
     if part.startswith("<code>"):
         long = sum(map(len, TEXT.findall(part))) > LONGEST_NAME
         part = TEXT.sub(lambda found: _paths(whole_options(found[0])), part)
