@@ -14,7 +14,7 @@ PARTS = re.compile(r"<(pre|svg|math|script|style|code)\b.*?</\1>|<[^>]*>|[^<]+",
 TEXT = re.compile(r"(?<=>)[^<]+")
 PATH = re.compile(r"[^\s<>]{26,}")
 """An address or a path that may be too long for a line."""
-LONGEST_NAME = 24
+LONGEST_NAME = 26
 """Characters of the longest code in a table that is a name, and stays on one line; longer code is a sentence."""
 
 
@@ -24,10 +24,15 @@ def on_page_content(content: str, **_: Any) -> str:
 
 
 def _whole(part: str) -> str:
+    if part.startswith("<pre"):
+        return TEXT.sub(lambda found: whole_options(found[0]), part)
     if part.startswith("<code>"):
         long = sum(map(len, TEXT.findall(part))) > LONGEST_NAME
-        part = TEXT.sub(lambda found: whole_options(found[0]), part)
+        part = TEXT.sub(lambda found: _paths(whole_options(found[0])), part)
         return part.replace("<code>", '<code class="long">', 1) if long else part
-    if part.startswith("<"):
-        return part
-    return PATH.sub(lambda found: found[0].replace("/", "/<wbr>"), kept_together(part))
+    return part if part.startswith("<") else _paths(kept_together(part))
+
+
+def _paths(text: str) -> str:
+    """Break a long path behind its slashes."""
+    return PATH.sub(lambda found: found[0].replace("/", "/<wbr>"), text)

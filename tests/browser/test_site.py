@@ -3,6 +3,7 @@
 It is built here, or was built in the folder that ``DEATWIN_SITE`` names, as in ``.ci/run``.
 """
 
+import base64
 import importlib.util
 import os
 import re
@@ -108,7 +109,7 @@ def test_what_deatwin_prints_is_not_cut_off(site: Path, tab: Any) -> None:
         assert scrolled(tab, ".language-text pre > code, .language-sh pre > code") == [], width
 
 
-@pytest.mark.parametrize("name", ["validation", "gallery", "reference/effects"])
+@pytest.mark.parametrize("name", ["validation", "gallery", "reference/effects", "how-to/run-a-study"])
 def test_a_page_is_printed_whole_and_in_the_colours_of_paper(name: str, site: Path, tab: Any) -> None:
     shown(tab, site / f"{name}.html", 700, "dark")  # an A4 page within its margins
     tab.media("print", "dark")
@@ -117,3 +118,13 @@ def test_a_page_is_printed_whole_and_in_the_colours_of_paper(name: str, site: Pa
         "const one = document.querySelector('.gallery .series1'); return one && getComputedStyle(one).color"
     )
     assert series in (None, "rgb(194, 65, 12)")
+    schemes = "return [document.documentElement, document.body].map(part => getComputedStyle(part).colorScheme)"
+    assert tab.run(schemes) == ["light", "light"]  # also that of figures, and of the paper around the page
+    first = tab.browser.execute_cdp_cmd("Page.printToPDF", {"pageRanges": "1"})
+    assert len(base64.b64decode(first["data"])) > 10_000  # an empty page has fewer
+
+
+def test_no_option_is_broken_in_code(site: Path, tab: Any) -> None:
+    shown(tab, site / "how-to/machines.html", 400, "light")
+    lines = "[...document.querySelectorAll('pre .option')].map(option => option.getClientRects().length)"
+    assert set(tab.run(f"return {lines}")) == {1}

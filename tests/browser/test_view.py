@@ -157,15 +157,19 @@ def test_a_recording_is_dropped_diagnosed_and_compared(
     page.says(".columns", "stretch")
     assert page.field("Input column").get_attribute("value") == "stretch"
     assert page.field("Output column").get_attribute("value") == "force_N"
+    cut = "return [...document.querySelectorAll('.q-field__label')].filter(e => e.scrollWidth > e.clientWidth).length"
+    for width in (400, 1400):
+        tab.size(width)
+        assert tab.run(cut) == 0, width
 
     page.choose("Rig file", "model", "model.json")
     page.click("Diagnose")
     page.says(".job", "running")
     page.says(".job", "calibrating the model", 120)
     page.says(".job .verdict", "done", 180)
-    table = page.says(".compared", "diagnosis-1")
+    table = page.says(".compared", "result-1")
     assert "no missing physics" in table and "The film keeps creeping" in table and "0.140 → 0.00200 N" in table
-    assert (folder / "diagnosis-1" / "run.json").is_file()
+    assert (folder / "result-1" / "run.json").is_file()
     page.until("return document.querySelectorAll('.compared svg').length === 2")
     look_at(tab, axe)
 
@@ -203,4 +207,4 @@ def test_a_running_diagnosis_is_cancelled(lab: tuple[Path, str, str], tab: Any) 
     page.click("Diagnose")
     page.click("Cancel")
     page.says(".job .verdict", "cancelled")
-    assert not (folder / "diagnosis-1").exists() and (folder / "former" / "diagnosis.json").is_file()
+    assert not (folder / "result-1").exists() and (folder / "former" / "diagnosis.json").is_file()

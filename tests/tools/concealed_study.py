@@ -87,6 +87,12 @@ def page_of(data: Mapping[str, Any]) -> str:
     return text.rstrip("\n") + "\n"
 
 
+def _used(legend: str, cells: Sequence[str]) -> list[str]:
+    """Return the entries of a legend whose marks the cells have."""
+    entries = re.split(r", (?=\S+ )", legend)
+    return [one for one in entries if re.search(rf"(?<!\(){re.escape(one.partition(' ')[0])}", " ".join(cells))]
+
+
 def _shown(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> dict[str, Any]:
     """Put the legends of marks below the title, and leave out verdicts that no case has."""
     kept = [k for k, name in enumerate(columns) if name not in VERDICTS or any(row[k] != "0" for row in rows)]
@@ -95,6 +101,10 @@ def _shown(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) ->
     cells = [[MARK.sub(":\u2060", row[k]) for k in kept] for row in rows]
     return {
         "title": title,
-        "legend": " ".join(f"Marks in the column *{found[1]}*: {found[2]}." for found in legends.values() if found),
+        "legend": " ".join(
+            f"Marks in the column *{found[1]}*: {', '.join(_used(found[2], [row[k] for row in rows]))}."
+            for k, found in enumerate(legends.values())
+            if found
+        ),
         "lines": markdown_table(heads, cells),
     }

@@ -71,7 +71,7 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
             *table["models"],
         ],
         "concealed-effects": [
-            f"{whence} Each row of the table is a controller for a rig with an effect that the base model lacks. *Reason* "
+            f"{whence} Each row of the table is a controller for a rig with an effect that the base plant lacks. *Reason* "
             "is the first reason that the check gives. On the true rig, the full limits apply; the check uses limits that "
             "are tightened by a fifth.",
             "",

@@ -26,7 +26,10 @@ from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
 
 USE = "use the responses at this operating point"
-MISSED = "do not rely on a response that is less accurate than a goal below demands; identify a better model, or record longer."
+MISSED = (
+    "identify a better model, or record longer, before you rely on these responses; the table below shows which goals are "
+    "missed."
+)
 IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation")
 """Columns in the unit of the response."""
 

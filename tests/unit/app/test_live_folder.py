@@ -121,10 +121,10 @@ def test_a_full_folder_is_listed_in_part_and_says_so(root, monkeypatch):
 
 
 def test_a_name_that_is_taken_is_not_offered(root):
-    assert free_name(root) == "diagnosis-1"
-    (root / "diagnosis-1").mkdir()
-    (root / "diagnosis-2").symlink_to("nowhere")
-    assert free_name(root) == "diagnosis-3"
+    assert free_name(root) == "result-1"
+    (root / "result-1").mkdir()
+    (root / "result-2").symlink_to("nowhere")
+    assert free_name(root) == "result-3"
 
 
 # Uploads

@@ -268,7 +268,8 @@ def test_a_table_writes_effects_in_words_and_the_page_of_a_study_tells_the_marks
         "columns": ["cases", "named", "unknown"],
         "rows": [["one", "3", "0"], ["two", "0", "0"]],
     }
-    marks = {"title": "Marks", "columns": ["case", "result (✓ right, ✗ wrong)"], "rows": [["one", "0.3:✓ 1:✗"]]}
+    legend = "result (✓ right, ½ in part, ✗ wrong, (✗) wrong beside others)"  # the last and ½ are not in the table
+    marks = {"title": "Marks", "columns": ["case", legend], "rows": [["one", "0.3:✓ 1:✗"]]}
     page = page_of({**data, "tables": [table, marks]})
     assert "| cases | named |\n|---|---|\n| one | 3 |\n| two | 0 |\n" in page  # nothing is unknown
     assert "## Marks\n\nMarks in the column *result*: ✓ right, ✗ wrong.\n\n| case | result |\n" in page

@@ -53,7 +53,7 @@ class OperatingPoint:
 
     @classmethod
     def of(cls, linear: LinearModel) -> Self:
-        """Describe the operating point of a model `linear` of any status."""
+        """Return the operating point of the model `linear`, which may have any status."""
         settles = linear.operating_output is not None
         return cls(
             input=linear.operating_input,

@@ -139,12 +139,16 @@ class ClosedLoop(Described):
 
     @property
     def steady_error(self) -> float:
-        """Magnitude of the mean error in the last third of the worst of `levels`, as a share of the smallest step."""
+        """Magnitude of the mean error in the last third of a level, as a share of the smallest step; the largest of all
+        `levels`.
+        """
         return self._late(lambda error: abs(float(error.mean())))
 
     @property
     def ripple(self) -> float:
-        """Return the standard deviation of the error where `steady_error` takes the mean, on the same scale."""
+        """Standard deviation of the error in the last third of a level, as a share of the smallest step; the largest of
+        all `levels`.
+        """
         return self._late(lambda error: float(error.std()))
 
     def _late(self, measure: Callable[[Array], float]) -> float:

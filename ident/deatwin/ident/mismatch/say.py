@@ -82,6 +82,11 @@ def say(diagnosis: Diagnosis) -> str:
     return first + level + rest.replace(_LEVEL, "")
 
 
+def notes_of(diagnosis: Diagnosis) -> list[str]:
+    """Return the warnings, without those that the sentence states as well."""
+    return [text for text in diagnosis.warnings if text.rpartition(": ")[2] not in diagnosis.sentence]
+
+
 def _none(diagnosis: Diagnosis) -> list[str]:
     return ["the recordings show no missing physics", _left(_of_first(diagnosis)), _accounted(diagnosis)]
 
@@ -582,6 +587,6 @@ def _refuted(diagnosis: Diagnosis) -> bool:
 
 
 def _fault(fault: Fault, many: bool) -> str:
-    which = f"recording {fault.recording}" + (f" of experiment {fault.experiment}" if many else "")
+    which = fault.file + (f" of experiment {fault.experiment}" if many else "")
     samples = f"{fault.samples} samples between {time_span(fault.from_s, fault.to_s, between=' and ')}"
     return f"in {which}, {fault.fault} in {samples if fault.samples > 1 else f'one sample, at {fault.from_s:.2f} s'}"

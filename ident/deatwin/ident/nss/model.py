@@ -242,7 +242,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         return response_over(drive, values, drive.first, self.output_units, ResponseStatus.DIVERGED, when)
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Return the free run over a `recording`; `steps` has no influence, because the noise is on the readings."""
+        """Return the free run over a `recording` for any `steps`, because the noise is on the readings."""
         whole_number(steps, "steps", most=recording.n_samples - 1)
         return self.simulate(recording)
 

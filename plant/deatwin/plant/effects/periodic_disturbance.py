@@ -88,7 +88,7 @@ class PeriodicDisturbance(Effect):
         return 1 / self.frequency
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return up to three such effects at the strongest spectral lines of `residual` (SI) over `timepts` (s).
+        """Return up to three copies of this effect at the strongest spectral lines of `residual` (SI) over `timepts` (s).
 
         A tone at another place passes through the plant, which shifts the tone's phase. Then only the strongest line is
         used, with this effect's amplitude and each of four phases.

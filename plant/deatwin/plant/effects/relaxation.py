@@ -66,9 +66,9 @@ class Relaxation(Effect):
         return signal - self.own("stiffness", build) * (displacement - damper)
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return up to five such effects, with times from two samples to a third of the span of `timepts` (s).
+        """Return up to five copies of this effect, with times from two samples to a third of the span of `timepts` (s).
 
-        `residual` has no influence.
+        The copies do not depend on `residual`.
         """
         steps = np.diff(np.unique(timepts))
         if not steps.size:

@@ -66,7 +66,7 @@ class Resonance(Effect):
         return signal + self.own("mass", build) * (spring + damper)
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return up to four such effects at peaks of the spectrum of `residual` (SI) over `timepts` (s)."""
+        """Return up to four copies of this effect at peaks of the spectrum of `residual` (SI) over `timepts` (s)."""
         known = self.described("frequency")
         peaks = spectral_peaks(timepts, residual, (known.lower, known.upper), count=4)
         return tuple(replace(self, frequency=f) for f in peaks)

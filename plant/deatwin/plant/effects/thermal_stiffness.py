@@ -83,7 +83,7 @@ class ThermalStiffness(Effect):
         return 0.0 if "temperature" in measured else self.period
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return up to three such effects, with the periods of slow cycles in `residual` (SI) over `timepts` (s)."""
+        """Return up to three copies of this effect, with the periods of slow cycles in `residual` (SI) over `timepts` (s)."""
         known = self.described("period")
         softer = replace(self, change_per_kelvin=-abs(self.change_per_kelvin))
         cycles = slow_cycles(timepts, residual, (known.lower, known.upper), count=3)

@@ -48,6 +48,7 @@ def diagnose(
     if not groups:
         raise typer.BadParameter("give at least one recording", param_hint="REC.csv")
     from deatwin.app.given import GivenPlant, absent_readings, clock_notes, direction_notes
+    from deatwin.ident.mismatch.say import notes_of
     from deatwin.plant.readoptions import ReadOptions
     from deatwin.studies.diagnosing import DiagnosisTask
 
@@ -68,8 +69,8 @@ def diagnose(
     with results(out, voice, "reading") as (folder, progress):
         diagnosis = task.run(folder, progress, voice.say)
     say_verdict(diagnosis, voice)
-    for warning in diagnosis.warnings:
-        voice.say(f"note: {warning}")
+    for note in notes_of(diagnosis):
+        voice.say(f"note: {note}")
     for reading in diagnosis.taught or ():
         voice.say(f"reading: {reading.sentence}")
     voice.say(f"report: {folder.path / 'report.html'}")

@@ -93,7 +93,7 @@ class Desk:
 
 def free_name(root: Path) -> str:
     """Return an unused name for the next folder of results."""
-    return next(name for n in count(1) if not os.path.lexists(root / (name := f"diagnosis-{n}")))
+    return next(name for n in count(1) if not os.path.lexists(root / (name := f"result-{n}")))
 
 
 def _files(home: Path, folder: Path, deeper: int) -> Iterator[Path]:

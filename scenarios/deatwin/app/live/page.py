@@ -110,15 +110,15 @@ class View:
             self.units = {
                 role: _field(ui.input(label))
                 for role, label in (
-                    ("input_column", "Unit of the input, if its header has none"),
-                    ("output_column", "Unit of the output, if its header has none"),
+                    ("input_column", "Unit of the input, if not stated"),
+                    ("output_column", "Unit of the output, if not stated"),
                 )
             }
             self.clock = {
                 name: _field(ui.number(label, min=0))
                 for name, label in (
-                    ("dt", "Sample time (s), if the file holds no times"),
-                    ("resample", "Resample to (s), if its times are uneven"),
+                    ("dt", "Sample time (s), without times"),
+                    ("resample", "Resample to (s), if uneven"),
                 )
             }
             self.allow_gaps = ui.checkbox("Accept gaps, and split the recording there")

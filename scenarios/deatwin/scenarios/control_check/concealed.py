@@ -1,4 +1,4 @@
-"""A concealed effect: controllers designed on the base model and on the amended model."""
+"""A concealed effect: controllers designed on the base plant and on the amended plant."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Concealed:
 
     effect: str  # Canonical name
     diagnosis: Diagnosis
-    designs: tuple[Designed, ...]  # From the base model, then from the amended one
+    designs: tuple[Designed, ...]  # From the base plant, then from the amended one
     at_other_times: tuple[Designed, ...] = ()  # Likewise, for closed loops that are faster and slower
 
 

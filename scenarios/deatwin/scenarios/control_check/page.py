@@ -231,7 +231,7 @@ def _concealed(every: Sequence[Concealed]) -> Drawing:
             reference = MICRO * longest.reference
             axes.plot(longest.timepts, reference, color=Hue.INK, linewidth=2.4, alpha=0.3, label="reference")
             for designed, colour in zip(one.designs, (Hue.BEFORE, Hue.AFTER), strict=True):
-                run, label = designed.runs.steps, f"design from the {designed.source} model"
+                run, label = designed.runs.steps, f"design from the {designed.source} plant"
                 axes.plot(run.timepts, MICRO * run.output, color=colour, label=label)
             said, was = (
                 ", ".join(f"{d.source} {getattr(d, kind).verdict.value}" for d in one.designs)

@@ -7,7 +7,7 @@ from typing import Any
 
 from deatwin.ident.mismatch import Diagnosis, LocationSummary
 from deatwin.ident.mismatch.certainty import HARDLY, how_sure, next_step, percent
-from deatwin.ident.mismatch.say import at_body, called, in_percent, or_listed, ranked, unit_of
+from deatwin.ident.mismatch.say import at_body, called, in_percent, notes_of, or_listed, ranked, unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.plant.effects.titles import effects_in_words
 from deatwin.plant.words import spaced
@@ -44,6 +44,7 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         diagnosis=diagnosis,
         certainty=how_sure(diagnosis),
         next_step=next_step(diagnosis),
+        notes=notes_of(diagnosis),
         possible=_possible(diagnosis),
         alike=_alike(diagnosis),
         statistics=STATISTICS,

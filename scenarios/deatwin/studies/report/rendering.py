@@ -68,10 +68,11 @@ LARGEST = 4_500_000
 """Most bytes of a page. Data that would make it larger stay in their files beside it, the largest of them first."""
 REST = 300_000  # Most bytes of a page without its figures and their data
 _UNIT = re.compile(
-    r"(?<=\d) (?:%|°|dB|[pnµumkMG]?(?:Hz|Pa|ohm|rad|[msVANFgWKJ])(?:/[a-zµ]+)?(?: rms)?)(?!\w)|(?<=[≥≤±=]) (?=[\d-])|(?<=&lt;|&gt;) (?=\d)|(?<=\d) of (?=\d)|(?<=\d) (?=\d{3}(?!\d))"
+    r"(?<=\d) (?:%|°|dB|samples?|times|[pnµumkMG]?(?:Hz|Pa|ohm|Ω|rad|[msVANFgWKJ])(?: s)?(?:/[a-zµ]+)?(?: rms)?)(?!\w)"
+    r"|(?<=[≥≤±=]) (?=[\d-])|(?<=&lt;|&gt;) (?=\d)|(?<=\d) of (?=\d)|(?<=\d) (?=\d{3}(?!\d))|(?<=[nµmk][mVNA]) (?=rms\b)"
 )
 _MINUS = re.compile(r"(?<![^\s(±=])-(?=\d)")
-_OPTION = re.compile(r"(?<!\S)--[a-z][a-z-]+")
+_OPTION = re.compile(r"(?<!\S)(?:--[a-z][a-z-]+|[a-z]+(?:-[a-z]+)*-\d+)(?![\w-])")
 
 
 def write_page(
@@ -102,6 +103,7 @@ def write_page(
 def templates(package: str) -> Environment:
     """Return the templates of a package, with those of the reports as fallback."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup, escape
 
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package), PackageLoader("deatwin.studies.report")]),
@@ -120,6 +122,7 @@ def templates(package: str) -> Environment:
         "since_rest": since_rest,
     }
     environment.filters |= {"quantity": quantity, "raised": raised, "sentence": as_sentence, "time_span": time_span}
+    environment.filters["whole_options"] = lambda text: Markup(whole_options(str(escape(text))))
     environment.finalize = unbroken
     return environment
 
@@ -136,13 +139,15 @@ def kept_together(text: str) -> str:
 
     >>> kept_together("from 4.6 to -2.1 µm rms (p = 0.02), 2 of 20 000"), kept_together("with --out")
     ('from 4.6 to −2.1\xa0µm\xa0rms (p =\xa00.02), 2\xa0of\xa020\xa0000', 'with <span class="option">--out</span>')
+    >>> kept_together("80.1 mN s/m"), kept_together("error (µm rms)"), kept_together("1 sample or 0.42 times, pair-01")
+    ('80.1\xa0mN\xa0s/m', 'error (µm\xa0rms)', '1\xa0sample or 0.42\xa0times, <span class="option">pair-01</span>')
     """
     text = _UNIT.sub(lambda found: found[0].replace(" ", "\xa0"), text)
     return whole_options(_MINUS.sub("−", text))
 
 
 def whole_options(text: str) -> str:
-    """Keep the name of each option on one line, in the text of HTML."""
+    """Keep each option, such as ``--out``, and each numbered name, such as ``pair-01``, on one line, in the text of HTML."""
     return _OPTION.sub(r'<span class="option">\g<0></span>', text)
 
 

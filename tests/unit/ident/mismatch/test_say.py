@@ -32,7 +32,7 @@ from deatwin.ident.mismatch import (
 )
 from deatwin.ident.mismatch.located import Band, PlaceSummary, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Errors, Fault, OriginSummary, Output, Statistic, UnseenErrors
-from deatwin.ident.mismatch.say import MOST_NAMED, number, risk, say, title_of
+from deatwin.ident.mismatch.say import MOST_NAMED, notes_of, number, risk, say, title_of
 from deatwin.ident.mismatch.verdict import Shown
 from deatwin.plant import (
     CalibratedPlant,
@@ -75,10 +75,18 @@ def shows(text: str, unit: str, field: float) -> bool:
     return float(text) in rounded
 
 
+def said_by(data: dict) -> str:
+    """The sentence without names of files, which may hold digits."""
+    said = data["sentence"].replace(LEVEL, "(", 1)
+    for fault in data.get("faults") or ():
+        said = said.replace(fault["file"], "the file")
+    return said
+
+
 def foreign_numbers(data: dict) -> list[str]:
     """Numbers of the sentence that are no field of the file, nor the bound of a risk that is one."""
     known = numbers_of({key: value for key, value in data.items() if key != "sentence"})
-    said = data["sentence"].replace(LEVEL, "(", 1)
+    said = said_by(data)
     found = [(place.group(), said[place.end() + 1 :][:1], said[: place.start()]) for place in NUMBER.finditer(said)]
     advised = data["next_experiment"] or {}
     more = len({tuple(rival) for rival in data["rivals"]}) + 1 - MOST_NAMED
@@ -279,7 +287,7 @@ def test_every_verdict_is_there():
 @pytest.mark.parametrize("name", DIAGNOSES)
 def test_every_number_is_a_field_and_every_other_number_is_noticed(name):
     data = DIAGNOSES[name].to_dict()
-    said = data["sentence"].replace(LEVEL, "(", 1)
+    said = said_by(data)
     found = NUMBER.findall(said)
     assert found
     assert foreign_numbers(data) == []
@@ -644,7 +652,14 @@ def test_two_faults_of_one_recording_are_those_of_a_recording():
             faults=(stuck, replace(stuck, fault="the reading has outliers")),
         )
     )
-    assert said.startswith("The recording is faulty. In recording 1")
+    assert said.startswith("The recording is faulty. In run_1_2026-11.csv, the reading is stuck in 317 samples")
+
+
+def test_a_note_that_repeats_the_sentence_is_left_out():
+    said = "The recording is faulty: in a.csv, the reading is stuck in 201 samples."
+    warnings = ("a.csv: the reading is stuck in 201 samples", "a.csv: the reading jumps", "the reading jumps")
+    found = replace(DIAGNOSES["data_fault"], sentence=said, warnings=warnings)
+    assert notes_of(found) == list(warnings[1:])
 
 
 @pytest.mark.parametrize(

@@ -121,12 +121,16 @@ class Propagated(Uncertain):
 
     @property
     def gain_nonlinearity(self) -> Array:
-        """Nonlinearity of the gain, shape (n,): `nonlinearity`, plus that of the step from response to gain."""
+        """Nonlinearity of the gain, shape (n,): `nonlinearity`, plus the nonlinearity of the gain as a function of the
+        complex response.
+        """
         return np.asarray(self.nonlinearity + self._polar.gain_index)
 
     @property
     def phase_nonlinearity(self) -> Array:
-        """Nonlinearity of the phase, shape (n,): `nonlinearity`, plus that of the step from response to phase."""
+        """Nonlinearity of the phase, shape (n,): `nonlinearity`, plus the nonlinearity of the phase as a function of the
+        complex response.
+        """
         return np.asarray(self.nonlinearity + self._polar.phase_index)
 
     @property

@@ -195,9 +195,9 @@ class VaryingResponse(Described, Frozen):
     def band(self, level: float = 0.95) -> Band:
         """Return the pointwise band of the gain, shape (n_times, n_values), of coverage probability `level`.
 
-        The band is computed to first order in the parameters, and is NaN at times without a response. To test whether
-        their uncertainty is small enough for that, apply `propagate` to one of ``models``. The band does not include
-        ``frozen_error``.
+        The band is computed to first order in the parameters, and is NaN at times without a response. The
+        parameters' uncertainty may be too large for the first order; `propagate`, applied to one of ``models``, tests
+        this. The band does not include ``frozen_error``.
         """
         low, high, law = np.moveaxis(self._stacked(partial(_limits, level)), 1, 0)
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=law == 1.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import cycle
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -31,6 +32,7 @@ from deatwin.plant.words import listed, spaced
 
 INPUT_FILE = "next_input.csv"
 """Name of the file in which `deatwin diagnose` stores the commands of the advised experiment."""
+_COLOURS = ("C0", "C1", "C3", "C4", "C5")  # without the grey of the input
 
 
 def write_input(path: Path | str, commands: Recording) -> None:
@@ -236,9 +238,11 @@ class Advice(Described):
         times = recording.timepts - recording.start
         apart = [(readings - self.predicted[0]) / size for readings in self.predicted]
         lines = [
-            ax.plot(times, left, color=f"C{k}", linewidth=0.9, label=effects_in_words(name.replace("+", " + ")))[0]
-            for k, (name, left) in enumerate(zip(self.alternatives, apart, strict=True))
+            ax.plot(times, left, color=colour, linewidth=0.9, label=effects_in_words(name.replace("+", " + ")))[0]
+            for name, left, colour in zip(self.alternatives, apart, cycle(_COLOURS), strict=False)
         ]
+        for line in lines:  # a small curve is drawn over a large one
+            line.set_zorder(2.0 + 1.0 / (1.0 + float(np.ptp(line.get_ydata()))))
         band = ax.axhspan(-self.noise / size, self.noise / size, color="0.9", zorder=0, label="sensor noise")
         ax.set_xlabel("time (s)")
         ax.set_ylabel(axis_label(f"difference of {self.output[0]}", unit))

@@ -223,8 +223,8 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
 
         The state is fitted to the first `warmup` outputs by least squares; later ones are not used. By default, these
         are ten samples for each pole, or a third of the recording if this is less. With one sample for each pole, the run
-        starts exactly from the measured outputs, including their noise, as that of a NARX model does. ``.outputs`` of the
-        response has the shape (1, n), and is computed from ``.first`` on; a run that diverges has the status
+        starts exactly from the measured outputs, including their noise, like the free run of a NARX model. ``.outputs`` of
+        the response has the shape (1, n), and is computed from ``.first`` on; a run that diverges has the status
         ``DIVERGED``. ModelError if the recording does not suit the model, or `warmup` does not lie between the number of
         poles and that of samples.
         """

@@ -459,6 +459,8 @@ def test_the_advised_input_decides_a_tie(tmp_path):
     assert found.alternatives == ("delay", "electrode_rc")
     axes = found.plot()
     assert "µm" in axes.get_ylabel()
+    still, moved = axes.get_lines()[:2]  # the difference of the first explanation from itself, and that of the other
+    assert still.get_zorder() > moved.get_zorder()
 
 
 @pytest.mark.study
