@@ -20,7 +20,7 @@ from deatwin.control import Check, Specification, linearise
 from deatwin.control.controllers.scheduled import ScheduledController
 from deatwin.control.design.named import Wanted, design_named
 from deatwin.ident.narx import Frols, NarxModel, assessed, excited_band, free_run_residual, hold_out
-from deatwin.plant import Creep, Plant
+from deatwin.plant import Creep, Plant, PrestretchRelaxation
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.files import read_recordings
@@ -265,9 +265,7 @@ def test_python_saves_the_file_that_the_command_saves(at_desk):
 
 
 def test_a_diagnosis_keeps_its_rivals(tmp_path, validate, monkeypatch):
-    """Twelve seconds under ten times the usual noise do not tell creep from softening by the largest stretch."""
-    from deatwin.plant.effects.mullins import Mullins
-
+    """Twelve seconds under ten times the usual noise do not tell creep from a relaxation of the prestretch."""
     plant = strip().with_rig(replace(strip().rig, noise=0.02))
     creeping = plant.with_effects(Creep(modulus=60e3, time=25.0))
     task = DiagnosisTask(
@@ -275,7 +273,7 @@ def test_a_diagnosis_keeps_its_rivals(tmp_path, validate, monkeypatch):
         experiments=[Experiment(recordings=(pulled(creeping, 1, 13).section(0, 120),))],
         files=[],
         command=["deatwin", "diagnose"],
-        effects=(Creep(), Mullins()),
+        effects=(Creep(), PrestretchRelaxation()),
     )
     (tmp_path / "rivals").mkdir()
     (tmp_path / "rivals" / "delay.json").write_text("of a former run")
@@ -283,7 +281,7 @@ def test_a_diagnosis_keeps_its_rivals(tmp_path, validate, monkeypatch):
     diagnosis = task.run(ResultFolder(tmp_path), lambda share, text: None)
     assert diagnosis.verdict.value == "ambiguous" and diagnosis.rival_models
     (name,) = diagnosis.rival_models
-    assert {name, *(cause.effect for cause in diagnosis.causes)} == {"creep", "mullins"}
+    assert {name, *(cause.effect for cause in diagnosis.causes)} == {"creep", "prestretch_relaxation"}
     assert [path.name for path in (tmp_path / "rivals").iterdir()] == [f"{name}.json"]
     assert validate("plant", tmp_path / "rivals" / f"{name}.json")["effects"] == [name]
     assert f"rivals/{name}.json" in validate("run", tmp_path / "run.json")["outputs"]
