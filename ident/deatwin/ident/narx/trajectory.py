@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import read_only, whole_number
+from deatwin.ident.arguments import read_only, real_number, whole_number
 from deatwin.ident.narx.document import fields_of, to_document
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.posterior import quantile
@@ -119,7 +119,7 @@ class ThetaTrajectory(
 
     def at(self, time: float) -> NarxModel:
         """Return the model at the sample nearest to `time`, s on the experiment's clock; ModelError if it is outside."""
-        k = int(self._nearest(np.array([time]))[0])
+        k = int(self._nearest(np.array([real_number(time, "time")]))[0])
         return replace(self.model, theta=self.theta[:, k], theta_cov=self.theta_cov[k])
 
     def thinned(self, step: int) -> Self:
@@ -183,7 +183,7 @@ class ThetaTrajectory(
     def _nearest(self, times: Array) -> NDArray[np.intp]:
         """Return the positions in ``timepts`` nearest to some times."""
         slack = 0.5 * self.model.sample_time
-        if times.size == 0 or times.min() < self.timepts[0] - slack or times.max() > self.timepts[-1] + slack:
+        if not np.all((times >= self.timepts[0] - slack) & (times <= self.timepts[-1] + slack)) or not times.size:
             asked = f"{times.min():g} s to {times.max():g} s" if times.size else "no time at all"
             raise ModelError(
                 f"asked for {asked}; the parameters are known from {self.timepts[0]:g} s to {self.timepts[-1]:g} s"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deatwin.ident.arguments import real_numbers
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.plant.arrays import texts
 from deatwin.plant.errors import ModelError
@@ -54,7 +55,7 @@ def signals_of(document: Mapping[str, Any]) -> dict[str, Any]:
 
 def set_covariance(model: Any, size: int) -> None:
     """Check the covariance of a frozen model's parameters and make it read-only; an empty one becomes zero."""
-    cov = np.asarray(model.theta_cov, dtype=np.float64)
+    cov = real_numbers(model.theta_cov, "theta_cov")
     cov = cov if cov.size else np.zeros((size, size))
     if cov.shape != (size, size) or not np.all(np.isfinite(cov)):
         raise ModelError(f"theta_cov must be finite and of shape ({size}, {size}); got {cov.shape}")

@@ -74,7 +74,7 @@ def test_the_offender_is_named(wrong, says):
 
 
 @pytest.mark.parametrize("name", ["noise_variance", "sample_time", "theta_dof"])
-@pytest.mark.parametrize("value", [np.nan, -1.0, -np.inf, np.inf])
+@pytest.mark.parametrize("value", [np.nan, -1.0, -np.inf, np.inf, "a", None, 1j, [1.0, 2.0]])
 def test_other_numbers_that_cannot_be(name, value):
     if (name, value) == ("theta_dof", np.inf):  # those of a normal law
         return
@@ -104,3 +104,17 @@ def test_ridge_that_leaves_nothing_for_the_noise_is_refused():
     rng = np.random.default_rng(2)
     with pytest.raises(ModelError, match="3 samples leave no freedom for noise at penalty = 1e-18"):
         Ridge(penalty=1e-18)(rng.standard_normal((5, 3)), rng.standard_normal(3))
+
+
+@pytest.mark.parametrize(
+    ("field", "wrong", "says"),
+    [
+        ("equations", (0, "a"), r"equations\[1\] = 'a'; it must be an integer of at least 0"),
+        ("equations", 3, "equations must be a list or a tuple; got an int"),
+        ("operating", 2.4, "operating must be an OperatingRange; got a float"),
+        ("output_names", None, r"names and units of outputs must be texts; got \(None,\)"),
+    ],
+)
+def test_fields_of_another_kind_are_refused(field, wrong, says):
+    with pytest.raises(ModelError, match=says):
+        replace(TWO, **{field: wrong})
