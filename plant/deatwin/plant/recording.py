@@ -221,7 +221,8 @@ class Recording(Rebuilt):
         whole = all(isinstance(end, int | np.integer) for end in (first, last))
         if not whole or not 0 <= first < last <= self.n_samples:
             raise DataError(
-                f"section [{first}, {last}) of a record of {self.n_samples} samples; give two whole numbers"
+                f"section [{first}, {last}) of a record of {self.n_samples} samples; give two whole numbers from 0 to "
+                f"{self.n_samples}, the larger one last"
             )
         return replace(
             self,

@@ -139,7 +139,7 @@ EXCITATION: list[tuple[Callable[[], object], str]] = [
 ]
 RECORDS: list[tuple[Callable[[], object], str]] = [
     *(
-        (lambda ends=ends: ramp().section(*ends), "record of 100 samples")
+        (lambda ends=ends: ramp().section(*ends), "record of 100 samples; .* from 0 to 100, the larger one last")
         for ends in ((-1, 5), (5, 5), (90, 101), (0.0, 5.0), (0, None))
     ),
     (lambda: arrays([1.0, 2.0], [0.0, np.nan], 1.0), 'channel "displacement" is nan at sample 1'),
@@ -155,6 +155,9 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         "names and units of inputs must be texts; got 1, ''",
     ),
     (lambda: arrays(np.ones(5), np.ones(5), 1.0, output_units=(None,)), "of outputs must be texts; .*None"),
+    (lambda: arrays(np.ones(5), np.ones(5), 1.0, input_names=3), "of inputs must be texts; got 3"),
+    (lambda: arrays(np.ones(5), np.ones(5), 10**400), "sample_time must be one number, in s; got a int"),
+    (lambda: arrays([10**400, 0], np.ones(2), 1.0), "inputs must be an array of real numbers"),
     (
         lambda: arrays(np.ones(5), np.ones(5), 1.0, extras={3: np.ones(5)}),
         "names of extra channels must be texts; got 3",
