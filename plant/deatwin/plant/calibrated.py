@@ -12,6 +12,7 @@ import numpy as np
 
 from deatwin.plant.arguments import instance
 from deatwin.plant.checks import experiment_for
+from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import (
     Described,
     Metadata,
@@ -36,7 +37,7 @@ TWO_SIDED_95 = 1.959964
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Band:
+class Band(Frozen):
     """Prediction of a further reading: mean and standard deviation in each recording, (n,) each, SI."""
 
     mean: tuple[np.ndarray, ...]
@@ -44,7 +45,7 @@ class Band:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Prediction:
+class Prediction(Frozen):
     """Readings that a calibrated plant expects, with their predictive band."""
 
     mean: tuple[np.ndarray, ...]  # shape (n,): Mean of each recording, SI

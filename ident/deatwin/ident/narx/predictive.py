@@ -18,7 +18,6 @@ from deatwin.ident.narx.posterior import ThetaPosterior, quantile, regressors
 from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.arguments import instance
 from deatwin.plant.arrays import Array, require_generator
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
@@ -43,7 +42,7 @@ class BandStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PredictiveBand(Described, Frozen):
+class PredictiveBand(Described):
     """Predictive band: at each time, an interval that contains a new measurement with a given probability.
 
     Parameters

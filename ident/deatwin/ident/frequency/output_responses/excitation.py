@@ -17,7 +17,6 @@ from deatwin.ident.frequency.output_responses.ranges import checked_band, checke
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.arrays import Array
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
@@ -28,7 +27,7 @@ _EDGE = 1e-9  # relative distance from an end of the band within which a line is
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TestSignal(Described, Frozen):
+class TestSignal(Described):
     """One period of a test signal. Functions that take an excitation accept this object like an array.
 
     Parameters

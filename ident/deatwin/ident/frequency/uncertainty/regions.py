@@ -16,7 +16,6 @@ from deatwin.ident.frequency.drawing import drawn_points
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, region_radius
 from deatwin.plant.arrays import Array, Complex
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, nested, several, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
@@ -26,7 +25,7 @@ _MOST_POINTS = 300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Uncertain(Described, Frozen, ABC):
+class Uncertain(Described, ABC):
     """Frequency response with its uncertainty."""
 
     response: FrequencyResponse = field(metadata=nested())  # Response at the model's own parameters
