@@ -443,6 +443,22 @@ def test_an_argument_of_another_kind_is_named(act: Callable[[object], object], s
         act(value)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"noise": "a"}, "noise is 'a'; it must be a number of at least 0"),
+        ({"model_error": -1.0}, "model_error is -1.0; it must be a number of at least 0"),
+        ({"names": (3,)}, r"names\[0\] must be a str; got an int"),
+        ({"names": 3}, "names must be a list or a tuple; got an int"),
+        ({"covariance": [[1.0], [1.0, 2.0]]}, "covariance must be an array of real numbers"),
+        ({"covariance": np.eye(1)}, r"covariance has the shape \(1, 1\), for 0 names"),
+    ],
+)
+def test_a_calibrated_plant_of_wrong_fields_is_refused(wrong: dict[str, object], says: str) -> None:
+    with pytest.raises(DeatwinError, match=says):
+        CalibratedPlant(**{"plant": PLANT, "noise": 1e-6, "model_error": 0.0, **wrong})
+
+
 def test_values_and_steps_to_quantise_are_real_numbers() -> None:
     for values, step, says in (("a", 0.1, "values"), (1j, 0.1, "values"), ([[1.0], [1.0, 2.0]], 0.1, "values")):
         with pytest.raises(DataError, match=f"{says} must be an array of real numbers"):

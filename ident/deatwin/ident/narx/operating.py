@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from deatwin.ident.arguments import read_only
+from deatwin.ident.arguments import real_numbers
 from deatwin.plant.arrays import Array
 from deatwin.plant.copies import Rebuilt
 
@@ -36,7 +36,7 @@ class OperatingRange(Rebuilt):
 
     def __post_init__(self) -> None:
         for item in fields(self):
-            object.__setattr__(self, item.name, read_only(np.atleast_1d(getattr(self, item.name))))
+            object.__setattr__(self, item.name, np.atleast_1d(real_numbers(getattr(self, item.name), item.name)))
 
     def shifted(self, operating_input: Array, operating_output: Array) -> OperatingRange:
         """Return the range of the deviations from `operating_input` (n_inputs,) and `operating_output` (1,)."""

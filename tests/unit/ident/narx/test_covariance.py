@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import NarxModel, OperatingRange, ThetaTrajectory
 from deatwin.ident.narx.covariance import covariance_root, transformed
 from deatwin.ident.narx.linear import LinearModel
 from deatwin.ident.narx.shrinkage import Ridge
@@ -118,3 +118,22 @@ def test_ridge_that_leaves_nothing_for_the_noise_is_refused():
 def test_fields_of_another_kind_are_refused(field, wrong, says):
     with pytest.raises(ModelError, match=says):
         replace(TWO, **{field: wrong})
+
+
+RANGE = OperatingRange(
+    input_min=-1.0, input_max=1.0, input_centre=0.0, output_min=[-2.0], output_max=[2.0], output_centre=[0.0]
+)
+TRAJECTORY = ThetaTrajectory(
+    model=TWO, timepts=[0.0, 0.1], theta=np.ones((2, 2)), theta_cov=np.zeros((2, 2, 2)), drift_variance=[0.0, 0.0]
+)
+
+
+@pytest.mark.parametrize("wrong", ["a", 1j, [[1.0, 2.0], [1.0]], None])
+@pytest.mark.parametrize(
+    ("right", "field"),
+    [(RANGE, "input_min"), (RANGE, "output_centre")]
+    + [(TRAJECTORY, name) for name in ("timepts", "theta", "theta_cov", "drift_variance")],
+)
+def test_arrays_of_other_things_than_numbers_are_refused(right, field, wrong):
+    with pytest.raises(ModelError, match=f"{field} must be (real numbers|an array of real numbers)"):
+        replace(right, **{field: wrong})

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.arguments import read_only, real_number
+from deatwin.ident.arguments import real_number, real_numbers
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
 from deatwin.ident.frequency.output_responses.ranges import checked_band, checked_sample_time
 from deatwin.ident.narx.operating import OperatingRange
@@ -56,7 +56,7 @@ class TestSignal(Described):
     }
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", read_only(self.values))
+        object.__setattr__(self, "values", real_numbers(self.values, "values"))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if dtype is None and not copy:
