@@ -1,6 +1,6 @@
 """Turn samples and times that a user gives into read-only float arrays and numbers, or raise one clear error."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ def seconds(value: object, what: str) -> float:
     """Return one number of seconds; DataError for anything else, such as a time vector."""
     try:
         return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DataError(
             f"{what} must be one number, in s; got a {type(value).__name__} (of evenly spaced times t, sample_time is "
             "t[1] - t[0], and start is t[0])"
@@ -33,7 +33,7 @@ def real_numbers(values: ArrayLike, what: str) -> Array:
         if array.dtype.kind not in "biufO":
             raise TypeError
         return np.asarray(array, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DataError(f"{what} must be an array of real numbers, with rows of the same length") from None
 
 
@@ -51,8 +51,8 @@ def rows_of_signals(values: ArrayLike, what: str) -> Array:
 
 
 def texts(given: Sequence[str]) -> tuple[str, ...]:
-    """Return names or units as a tuple; a text alone is one of them, not a sequence of letters."""
-    return (given,) if isinstance(given, str) else tuple(given)
+    """Return names or units as a tuple; a text alone, or what is no sequence at all, is one of them."""
+    return tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
 
 
 def read_only(array: Array) -> Array:

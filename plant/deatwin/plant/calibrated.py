@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from numbers import Real
 from operator import attrgetter
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from deatwin.plant.arguments import instance
+from deatwin.plant.arguments import each, instance
+from deatwin.plant.arrays import read_only, real_numbers
 from deatwin.plant.checks import experiment_for
+from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import (
     Described,
     Metadata,
@@ -36,7 +39,7 @@ TWO_SIDED_95 = 1.959964
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Band:
+class Band(Frozen):
     """Prediction of a further reading: mean and standard deviation in each recording, (n,) each, SI."""
 
     mean: tuple[np.ndarray, ...]
@@ -44,7 +47,7 @@ class Band:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Prediction:
+class Prediction(Frozen):
     """Readings that a calibrated plant expects, with their predictive band."""
 
     mean: tuple[np.ndarray, ...]  # shape (n,): Mean of each recording, SI
@@ -104,6 +107,14 @@ class CalibratedPlant(
         logarithm or its reciprocal.
     provenance : mapping of str to str
         Origin of the model, such as files and dates.
+
+    Raises
+    ------
+    ModelError
+        If `plant` is not a `Plant`, `noise` or `model_error` is not a number of at least 0, or a name is not text; or if
+        `covariance` does not have one row and one column for each name.
+    DataError
+        If `covariance` is not an array of real numbers.
     """
 
     plant: Plant
@@ -117,6 +128,11 @@ class CalibratedPlant(
 
     def __post_init__(self) -> None:
         instance(Plant)(self.plant, "plant")
+        for name in ("noise", "model_error"):
+            if not isinstance(value := getattr(self, name), Real) or value < 0.0:
+                raise ModelError(f"{name} is {clipped(repr(value))}; it must be a number of at least 0")
+        each(instance(str))(self.names, "names")
+        object.__setattr__(self, "covariance", read_only(real_numbers(self.covariance, "covariance")))
         if np.shape(self.covariance) != (len(self.names), len(self.names)):
             raise ModelError(f"covariance has the shape {np.shape(self.covariance)}, for {len(self.names)} names")
 

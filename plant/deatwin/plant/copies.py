@@ -14,17 +14,34 @@ class Rebuilt:
     """Base of dataclasses whose copies, also those in other processes, come from the constructor and keep its rules."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Mapping proxies cannot be pickled, and cached values need not be.
-        state = {item.name: getattr(self, item.name) for item in fields(self) if item.init}  # type: ignore[arg-type]
-        plain = {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in state.items()}
-        return partial(type(self), **plain), ()
+        # Cached values need not be copied.
+        state = {item.name: _thawed(getattr(self, item.name)) for item in fields(self) if item.init}  # type: ignore[arg-type]
+        return partial(type(self), **state), ()
 
 
 class Frozen(Rebuilt):
-    """Base of frozen dataclasses whose constructor makes their arrays read-only, also those in tuples."""
+    """Base of frozen dataclasses whose constructor makes their arrays and mappings read-only, also those in tuples."""
 
     def __post_init__(self) -> None:
-        for value in vars(self).values():
-            for array in value if isinstance(value, tuple) else (value,):
-                if isinstance(array, np.ndarray):
-                    array.setflags(write=False)
+        for name, value in list(vars(self).items()):
+            object.__setattr__(self, name, _frozen(value))
+
+
+def _frozen(value: Any) -> Any:
+    """Return a value whose arrays and mappings nobody can change."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif type(value) is tuple:
+        return tuple(map(_frozen, value))
+    elif isinstance(value, dict):
+        return MappingProxyType({key: _frozen(held) for key, held in value.items()})
+    return value
+
+
+def _thawed(value: Any) -> Any:
+    """Return a value with dicts in place of mapping proxies, which cannot be pickled."""
+    if type(value) is tuple:
+        return tuple(map(_thawed, value))
+    if isinstance(value, MappingProxyType):
+        return {key: _thawed(held) for key, held in value.items()}
+    return value

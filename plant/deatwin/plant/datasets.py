@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.plant.copies import Rebuilt
+from deatwin.plant.copies import Frozen
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.recording import Experiment, Recording, as_experiment
@@ -98,12 +98,14 @@ class _Brief(reprlib.Repr):
         """Show a long array by its shape."""
         return repr(values) if values.size <= self.maxlist else f"<array {values.shape}>"
 
+    repr_mappingproxy = reprlib.Repr.repr_dict
+
 
 _BRIEF = _Brief()
 _BRIEF.maxother = _BRIEF.maxstring = 80
 
 
-class Brief(Rebuilt):
+class Brief(Frozen):
     """Base of results that show long arrays by their shapes."""
 
     def __init_subclass__(cls, **options: Any) -> None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from numbers import Integral, Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.arrays import real_numbers
 from deatwin.plant.errors import DataError
+
+_KINDS = {"int": (Integral, "a whole number"), "float": (Real, "a number"), "str": (str, "text")}
 
 
 def quantise(values: ArrayLike, step: float) -> NDArray[np.float64]:
@@ -55,11 +58,22 @@ class Part:
         Document that states the values.
     unconfirmed : tuple of str
         Names of the values that no data sheet confirms.
+
+    Raises
+    ------
+    DataError
+        If a value of this or of a derived class has the wrong type, or lies outside its range.
     """
 
     name: str
     source: str
     unconfirmed: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            kind, called = _KINDS.get(str(field.type), (object, ""))
+            if not isinstance(value := getattr(self, field.name), kind) or isinstance(value, bool):
+                raise DataError(f"{self.name}: {field.name} is {value!r}; it must be {called}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +100,8 @@ class Converter(Part):
     noise: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.bits < 1 or not 0.0 < self.limit <= self.full_scale < math.inf or not self.noise >= 0.0:
+        super().__post_init__()
+        if self.bits < 1 or not 0.0 < self.limit <= self.full_scale < math.inf or not 0.0 <= self.noise < math.inf:
             raise DataError(
                 f"{self.name}: {self.bits} bits, full scale {self.full_scale:g} V, limit {self.limit:g} V, noise "
                 f"{self.noise:g} V: need bits >= 1, 0 < limit <= full scale and noise >= 0"
@@ -120,6 +135,7 @@ class Amplifier(Part):
     output_full_scale: float
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not (0.0 < self.input_full_scale < math.inf and 0.0 < self.output_full_scale < math.inf):
             raise DataError(
                 f"{self.name}: full scale {self.input_full_scale:g} V in, {self.output_full_scale:g} V out: "
@@ -167,6 +183,7 @@ class Laser(Part):
     averages: int
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         magnitudes = (self.noise, self.resolution, self.linearity, self.scan_time)
         ranges = (self.reach, self.output_full_scale)
         if not (all(0.0 < r < math.inf for r in ranges) and all(0.0 <= m < math.inf for m in magnitudes)):

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -106,9 +107,8 @@ class Recording(Rebuilt):
         _require_texts("the names of extra channels", tuple(extras))
         extra_units = {name: self.extra_units.get(name, usual_unit(name)) for name in extras}
         _require_texts("the units of extra channels", tuple(extra_units.values()))
-        object.__setattr__(self, "extras", extras)
-        object.__setattr__(self, "extra_units", extra_units)
-        object.__setattr__(self, "provenance", dict(self.provenance))
+        for what, mapping in (("extras", extras), ("extra_units", extra_units), ("provenance", self.provenance)):
+            object.__setattr__(self, what, MappingProxyType(dict(mapping)))
 
     @classmethod
     def from_arrays(
@@ -221,7 +221,8 @@ class Recording(Rebuilt):
         whole = all(isinstance(end, int | np.integer) for end in (first, last))
         if not whole or not 0 <= first < last <= self.n_samples:
             raise DataError(
-                f"section [{first}, {last}) of a record of {self.n_samples} samples; give two whole numbers"
+                f"section [{first}, {last}) of a record of {self.n_samples} samples; give two whole numbers from 0 to "
+                f"{self.n_samples}, the larger one last"
             )
         return replace(
             self,

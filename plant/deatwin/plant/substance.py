@@ -9,14 +9,17 @@ from inspect import signature
 from types import FunctionType
 from typing import Any, Self
 
+from deatwin.plant.arguments import each, instance, require_fields
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.laws.breakdown import BreakdownLaw
 from deatwin.plant.laws.energies import ENERGIES
 from deatwin.plant.laws.formula import Formula
 from deatwin.plant.laws.stress import shear_modulus
 from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.rigs.stated import require_number
 
 Symbol = Any
+_PARAMETER = instance(Parameter, error=RigError)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,11 +34,19 @@ class Branch:
         Shear modulus of the spring, Pa.
     time : Parameter
         Relaxation time, s: viscosity of the dashpot divided by `modulus`.
+
+    Raises
+    ------
+    RigError
+        If `name` is not text, or `modulus` or `time` is not a `Parameter`.
     """
 
     name: str
     modulus: Parameter
     time: Parameter
+
+    def __post_init__(self) -> None:
+        require_fields(self, name=instance(str, error=RigError), modulus=_PARAMETER, time=_PARAMETER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +77,8 @@ class Material:
     Raises
     ------
     RigError
-        If `energy` is not callable, or if it is a `Formula` whose parameters have other names than `elastic`.
+        If a field has the wrong type, if the density is not above 0, or if `energy` is a `Formula` whose parameters have
+        other names than `elastic`.
     """
 
     name: str
@@ -80,6 +92,18 @@ class Material:
     def __post_init__(self) -> None:
         if not callable(self.energy):
             raise RigError(f"energy is {self.energy!r}; give a function such as deatwin.plant.laws.gent, or a Formula")
+        require_fields(
+            self,
+            name=instance(str, error=RigError),
+            elastic=each(_PARAMETER, error=RigError),
+            branches=each(instance(Branch, error=RigError), error=RigError),
+            permittivity=_PARAMETER,
+        )
+        if self.breakdown is not None:
+            instance(BreakdownLaw, hint=", or None", error=RigError)(self.breakdown, "breakdown")
+        require_number("density", self.density)
+        for name in ("elastic", "branches"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         names, given = _arguments(self.energy), [parameter.name for parameter in self.elastic]
         if sorted(given) == sorted(names):
             object.__setattr__(self, "elastic", tuple(self.elastic[given.index(name)] for name in names))

@@ -170,6 +170,13 @@ def test_derivatives_through_the_algebraic_coordinates_are_right(thesis: Path) -
     assert slope == pytest.approx((rates[0] - rates[1]) / (2 * step), rel=1e-6)
 
 
+def test_a_solver_may_ask_for_the_event_indicators_although_there_are_none(thesis: Path) -> None:
+    # FMI 3.0 knows no error in this; fmpy raises one for any status but OK, and its Euler solver always asks.
+    with opened(thesis) as (instance, _):
+        instance.enterContinuousTimeMode()
+        instance.getEventIndicators((c_double * 0)(), 0)
+
+
 def test_a_measured_channel_is_an_input(tmp_path: Path) -> None:
     plant = SHEET.with_effects(effect_named("thermal_stiffness"))
     fmpy()
@@ -215,6 +222,13 @@ def test_a_narx_model_steps_in_an_fmu_as_it_simulates(tmp_path: Path) -> None:
         y.append(0.8 * y[-1] + 0.2 * value + 0.1 * (u[k - 1] ** 2 if k else 0.0))
     found = played(fmu, 0.1, input=u)
     assert found["output"] == pytest.approx(np.array(y), abs=1e-14)
+
+
+def test_what_is_no_source_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        ModelError, match=r"source must be a SampledSource, as plant_source\(plant\) returns it; got a Plant"
+    ):
+        export_cosimulation(SHEET, tmp_path / "sheet.fmu")
 
 
 def test_a_step_between_two_samples_is_refused(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Results of single steps as datasets: a NetCDF file keeps the values of their fields, with their units."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, replace
 from enum import Enum
 from types import SimpleNamespace
@@ -328,7 +328,11 @@ def plain(result: Any) -> Iterator[tuple[str, Any]]:
     """Fields that stand in the dataset as they are, and the columns of tables, by their names there."""
     for each in fields(result):
         entry, value = each.metadata.get("dataset"), getattr(result, each.name)
-        if entry is not None and entry.role in ("variable", "coordinate") and not isinstance(value, dict | type(None)):
+        if (
+            entry is not None
+            and entry.role in ("variable", "coordinate")
+            and not isinstance(value, Mapping | type(None))
+        ):
             yield entry.name or each.name, value
         elif entry is not None and entry.role == "table" and value:
             for column in fields(value[0]):

@@ -55,6 +55,12 @@ class TestDataSheets:
             (LK_G152, {"reach": 0.0}, "reach and output must be above 0"),
             (LK_G152, {"noise": np.nan}, "at least 0"),
             (LK_G152, {"averages": 0}, "0 averages"),
+            (LK_G152, {"averages": 2.5}, "averages is 2.5; it must be a whole number"),
+            (LK_G152, {"reach": "far"}, "reach is 'far'; it must be a number"),
+            (HV_AMPLIFIER, {"output_full_scale": None}, "output_full_scale is None; it must be a number"),
+            (NI_9264, {"bits": True}, "bits is True; it must be a whole number"),
+            (NI_9264, {"noise": np.inf}, "noise >= 0"),
+            (NI_9264, {"name": 3}, "name is 3; it must be text"),
         ],
     )
     def test_faults(self, part: object, fault: dict[str, float], message: str) -> None:

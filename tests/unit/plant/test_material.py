@@ -11,6 +11,7 @@ import pytest
 from deatwin.plant import (
     BlockedPlanar,
     BowTie,
+    Branch,
     Coupon,
     Diaphragm,
     Parameter,
@@ -127,6 +128,29 @@ def test_three_ways_to_write_an_energy_give_one_curve():
     assert first[-1] > 1e-5
     for other in others:
         assert other == pytest.approx(first, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ({"elastic": (1e5,)}, r"elastic\[0\] must be a Parameter; got a float"),
+        ({"elastic": None}, "elastic must be a list or a tuple; got None"),
+        ({"branches": (1.0,)}, r"branches\[0\] must be a Branch; got a float"),
+        ({"permittivity": 2.8}, "permittivity must be a Parameter; got a float"),
+        ({"breakdown": 60e6}, "breakdown must be a BreakdownLaw, or None; got a float"),
+        ({"density": "heavy"}, "density is 'heavy'; it must be a number above 0"),
+        ({"density": -1.0}, "density is -1.0; it must be a number above 0"),
+        ({"name": None}, "name must be a str; got None"),
+    ],
+)
+def test_a_material_refuses_fields_of_another_kind(fault, said):
+    with pytest.raises(RigError, match=said):
+        replace(MATERIALS["RTV 615"], **fault)
+
+
+def test_a_branch_needs_parameters():
+    with pytest.raises(RigError, match="modulus must be a Parameter; got a float"):
+        Branch(name="branch", modulus=4e4, time=8.0)
 
 
 def test_any_silicone_is_stiffer_than_tape_and_allowed():

@@ -139,7 +139,7 @@ EXCITATION: list[tuple[Callable[[], object], str]] = [
 ]
 RECORDS: list[tuple[Callable[[], object], str]] = [
     *(
-        (lambda ends=ends: ramp().section(*ends), "record of 100 samples")
+        (lambda ends=ends: ramp().section(*ends), "record of 100 samples; .* from 0 to 100, the larger one last")
         for ends in ((-1, 5), (5, 5), (90, 101), (0.0, 5.0), (0, None))
     ),
     (lambda: arrays([1.0, 2.0], [0.0, np.nan], 1.0), 'channel "displacement" is nan at sample 1'),
@@ -155,6 +155,9 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         "names and units of inputs must be texts; got 1, ''",
     ),
     (lambda: arrays(np.ones(5), np.ones(5), 1.0, output_units=(None,)), "of outputs must be texts; .*None"),
+    (lambda: arrays(np.ones(5), np.ones(5), 1.0, input_names=3), "of inputs must be texts; got 3"),
+    (lambda: arrays(np.ones(5), np.ones(5), 10**400), "sample_time must be one number, in s; got a int"),
+    (lambda: arrays([10**400, 0], np.ones(2), 1.0), "inputs must be an array of real numbers"),
     (
         lambda: arrays(np.ones(5), np.ones(5), 1.0, extras={3: np.ones(5)}),
         "names of extra channels must be texts; got 3",
@@ -438,6 +441,22 @@ def test_a_seed_is_an_integer_of_at_least_zero(seed: object) -> None:
 def test_an_argument_of_another_kind_is_named(act: Callable[[object], object], says: str, value: object) -> None:
     with pytest.raises(DeatwinError, match=says):
         act(value)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"noise": "a"}, "noise is 'a'; it must be a number of at least 0"),
+        ({"model_error": -1.0}, "model_error is -1.0; it must be a number of at least 0"),
+        ({"names": (3,)}, r"names\[0\] must be a str; got an int"),
+        ({"names": 3}, "names must be a list or a tuple; got an int"),
+        ({"covariance": [[1.0], [1.0, 2.0]]}, "covariance must be an array of real numbers"),
+        ({"covariance": np.eye(1)}, r"covariance has the shape \(1, 1\), for 0 names"),
+    ],
+)
+def test_a_calibrated_plant_of_wrong_fields_is_refused(wrong: dict[str, object], says: str) -> None:
+    with pytest.raises(DeatwinError, match=says):
+        CalibratedPlant(**{"plant": PLANT, "noise": 1e-6, "model_error": 0.0, **wrong})
 
 
 def test_values_and_steps_to_quantise_are_real_numbers() -> None:

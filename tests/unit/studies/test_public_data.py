@@ -14,6 +14,7 @@ from deatwin.app import stories
 from deatwin.app.cli import main
 from deatwin.plant.errors import DataError
 from deatwin.studies.folder import ResultFolder
+from deatwin.studies.public.columns import csv_columns, hdf5_vectors, matlab_vectors
 from deatwin.studies.public.records import cascaded_tanks, emps, silverbox_table
 from deatwin.studies.public.sources import SOURCES, data_folder, origins
 from deatwin.studies.stories import Story
@@ -161,6 +162,36 @@ def test_an_interrupted_story_leaves_no_empty_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(stories, "entry_points", lambda group: [SimpleNamespace(load=lambda: (own,))])
     assert main(["scenario", "stopped", "--out", str(tmp_path / "new"), "--quiet"]) == 130
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("kind", ["csv", "mat", "h5"])
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        (np.ones(39), r'signals differ in length \("u" has 40, "y" has 39 samples\); download it again'),
+        (np.where(np.arange(40) == 7, np.nan, 1.0), '"y" is nan at sample 7; the published file is finite'),
+        (np.where(np.arange(40) == 8, np.inf, 1.0), '"y" is inf at sample 8; the published file is finite'),
+    ],
+)
+def test_a_damaged_file_is_said(kind, wrong, says, tmp_path):
+    file, right = tmp_path / f"damaged.{kind}", np.ones(40)
+    if kind == "csv":
+        cells = [*wrong.astype(str), ""]  # a row that lacks its last number
+        file.write_text("u,y\n" + "".join(f"1.0,{cells[k]}\n" for k in range(40)))
+        says = says if wrong.size == 40 else '"y" is nan at sample 39'
+    elif kind == "mat":
+        savemat(file, {"u": right, "y": wrong, "gain": 3.0})
+    else:
+        with pytest.importorskip("h5py").File(file, "w") as made:
+            made.create_dataset("set/u", data=right)
+            made.create_dataset("set/y", data=wrong)
+    with pytest.raises(DataError, match=says):
+        if kind == "csv":
+            csv_columns(file, ("u", "y"))
+        elif kind == "mat":
+            matlab_vectors(file, ("u", "y", "gain"))
+        else:
+            hdf5_vectors(file, "set", ("u", "y"))
 
 
 def test_the_recorded_motor_force_holds_the_pulses_already(tmp_path):

@@ -142,7 +142,8 @@ def past_state(model: NarxModel, inputs: ArrayLike, outputs: ArrayLike) -> Array
     Raises
     ------
     ModelError
-        If there are too few samples, or the number of signals differs from that of the model.
+        If there are too few samples, a sample that the state needs is not finite, or the number of signals differs from
+        that of the model.
     """
     system = NarxSystem(model=model.deterministic)
     given = [np.atleast_2d(np.asarray(values, dtype=np.float64)) for values in (inputs, outputs)]
@@ -151,6 +152,9 @@ def past_state(model: NarxModel, inputs: ArrayLike, outputs: ArrayLike) -> Array
     if tuple(values.shape for values in given) != wanted or wanted[0][1] < least:
         raise ModelError(
             f"inputs of shape {given[0].shape} and outputs of shape {given[1].shape}: the model has {wanted[0][0]} "
-            f"inputs and {wanted[1][0]} outputs, and needs at least {least} rows of each"
+            f"inputs and {wanted[1][0]} outputs, and needs at least {least} samples of each"
         )
-    return system.past(*given)
+    state = system.past(*given)
+    if not np.isfinite(state).all():
+        raise ModelError(f"the last {least} samples of the inputs and outputs must be finite")
+    return state

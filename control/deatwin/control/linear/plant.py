@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.control.arguments import each, generator, instance, number, numbers, taking, whole
+from deatwin.control.errors import ControlError
 from deatwin.control.linear.family import LinearFamily
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.realisation import Realisation
 from deatwin.control.progress import Progress
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.narx.covariance import covariance_root
+from deatwin.plant.arguments import kind_of
 from deatwin.plant.arrays import Array
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError
@@ -33,7 +35,7 @@ _GAIN_ERROR = 1e-3
 controller may be designed: far below any gain margin, and far above rounding."""
 
 
-@taking(plant=instance(Plant), time=number)
+@taking(plant=instance(Plant), values=numbers, time=number)
 def linearise_plant(
     plant: Plant, operating_input: float, *, values: Array | None = None, time: float = 0.0
 ) -> LinearModel:
@@ -69,6 +71,8 @@ def linearise_plant(
     ------
     ModelError
         If the operating input or the time is not finite.
+    ControlError
+        If an argument has the wrong type, or `values` are not one finite number for each free parameter.
 
     Notes
     -----
@@ -78,6 +82,11 @@ def linearise_plant(
     digits are correct. The status is not OK if the static gain differs by more than 0.1 % from the slope of the static
     curve (reading at rest over command).
     """
+    if values is not None and (np.shape(values) != plant.free_values.shape or not np.isfinite(values).all()):
+        raise ControlError(
+            f"values must be {plant.free_values.size} finite numbers, one for each free parameter of the plant; got "
+            f"{kind_of(values)}"
+        )
     return _models(plant, [operating_input], values, time)[0]
 
 

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import coefficients, function, numbers, positive, taking
 from deatwin.control.errors import ControlError
 from deatwin.plant.arrays import Array, Complex
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 
@@ -45,7 +44,7 @@ class LimitCycle:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LimitCycles(Described, Frozen, Sequence[LimitCycle]):
+class LimitCycles(Described, Sequence[LimitCycle]):
     """Predicted limit cycles of a loop in order of increasing amplitude, with the curves that predict them.
 
     Parameters

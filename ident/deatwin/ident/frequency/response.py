@@ -85,7 +85,7 @@ class Pointwise(Frozen):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FrequencyResponse(Described, Frozen):
+class FrequencyResponse(Described):
     """Frequency response or output spectrum of order n at an operating point, with its uncertainty.
 
     H_n is a generalised frequency response (`gfrf`), G_n a nonlinear output frequency response (`nofrf`), and Y_n the

@@ -56,7 +56,8 @@ class Calibration(Described):
         Names of the fitted parameters.
     covariance : ndarray, shape (n, n)
         Covariance of the n fitted parameters. Each parameter is transformed by its `Scale`: to its value, its logarithm
-        or its reciprocal, SI.
+        or its reciprocal, SI. It is valid for residuals that are correlated in time (Newey and West), and no variance
+        is smaller than that for white residuals.
     residuals : ndarray, shape (m,)
         Measured minus simulated readings at the m fitted samples, SI. If the rig has several readings, the residuals of
         the first reading come first; those of the others are scaled so that their noise is equally large.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.excited import Excitation
 from deatwin.ident.narx.preprocess import DeadTime, DeadTimeStatus, estimate_dead_time
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Frozen
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -48,7 +49,7 @@ class LinkStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Link:
+class Link(Frozen):
     """Result of testing one input and one output: status, coherence and dead time."""
 
     input_name: str

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.arguments import read_only
+from deatwin.ident.arguments import read_only, real_numbers
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.arrays import Array, texts
@@ -57,7 +57,7 @@ def signals_of(document: Mapping[str, Any]) -> dict[str, Any]:
 
 def set_covariance(model: Any, size: int) -> None:
     """Check the covariance of a frozen model's parameters and make it read-only; an empty one becomes zero."""
-    cov = np.asarray(model.theta_cov, dtype=np.float64)
+    cov = real_numbers(model.theta_cov, "theta_cov")
     cov = cov if cov.size else np.zeros((size, size))
     if cov.shape != (size, size) or not np.all(np.isfinite(cov)):
         raise ModelError(f"theta_cov must be finite and of shape ({size}, {size}); got {cov.shape}")
@@ -136,7 +136,7 @@ class OperatingRange(Rebuilt):
 
     def __post_init__(self) -> None:
         for item in fields(self):
-            object.__setattr__(self, item.name, read_only(np.atleast_1d(getattr(self, item.name))))
+            object.__setattr__(self, item.name, np.atleast_1d(real_numbers(getattr(self, item.name), item.name)))
 
     def shifted(self, operating_input: Array, operating_output: Array) -> OperatingRange:
         """Return the range of the deviations from `operating_input` (n_inputs,) and `operating_output` (1,)."""

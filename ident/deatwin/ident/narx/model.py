@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from deatwin.ident.arguments import read_only, real_number, real_numbers
+from deatwin.ident.arguments import read_only, real_number, real_numbers, whole_number
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.document import (
     SCHEMA,
@@ -129,7 +129,11 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
             object.__setattr__(self, name, given if given.size else read_only(np.zeros(len(names))))
         for name in ("theta", "theta_cov"):
             object.__setattr__(self, name, real_numbers(getattr(self, name), name))
-        real_number(self.sample_time, "sample_time")
+        each(partial(whole_number, least=0))(self.equations, "equations")
+        for name in ("sample_time", "theta_dof"):
+            real_number(getattr(self, name), name)
+        if self.operating is not None:
+            instance(OperatingRange)(self.operating, "operating")
         real_numbers(self.noise_variance, "noise_variance")
         if self.n_outputs == 1 and set(self.equations) <= {0}:  # also after terms were replaced
             object.__setattr__(self, "equations", (0,) * len(self.terms))

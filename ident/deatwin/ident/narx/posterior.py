@@ -18,7 +18,6 @@ from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.arguments import instance
 from deatwin.plant.arrays import Array, require_generator
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
@@ -192,7 +191,7 @@ class BandStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PredictiveBand(Described, Frozen):
+class PredictiveBand(Described):
     """Predictive band: at each time, an interval that contains a new measurement with a given probability.
 
     Parameters
@@ -353,13 +352,12 @@ def free_run_band(
     runs = _runs(model, recording, rng, n_draws, None if output_noise is None else _readings(model, output_noise))
     if not runs:
         raise ModelError(f"all {n_draws} draws of the posterior diverged in free run: there is no band")
-    stack = np.stack(runs)
-    ends = np.empty((3, *stack.shape[1:]))
-    for start in range(0, stack.shape[2], _CHUNK):
-        part = slice(start, start + _CHUNK)
+    ends = np.empty((3, *runs[0].shape))
+    for start in range(0, recording.n_samples, _CHUNK):
+        part = np.stack([run[:, start : start + _CHUNK] for run in runs])
         # A new measurement is like one more draw: it lies below the k-th of n with probability k / (n + 1), as in this
         # definition of the quantiles only.
-        ends[..., part] = np.quantile(stack[..., part], [tail, 0.5, 1 - tail], axis=0, method="weibull")
+        ends[..., start : start + _CHUNK] = np.quantile(part, [tail, 0.5, 1 - tail], axis=0, method="weibull")
     lower, middle, upper = ends
     return _band(model, recording, middle, lower, upper, level, draws=n_draws, diverged=n_draws - len(runs))
 

@@ -44,7 +44,7 @@ class ResponseStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NarxResponse(Described, Frozen):
+class NarxResponse(Described):
     """Outputs of a model over a recording, predicted some steps ahead or simulated in free run.
 
     Parameters

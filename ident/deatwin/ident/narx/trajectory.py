@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import read_only, whole_number
+from deatwin.ident.arguments import read_only, real_number, real_numbers, whole_number
 from deatwin.ident.narx.document import fields_of, to_document
 from deatwin.ident.narx.model import NarxModel, require_model
 from deatwin.ident.narx.posterior import quantile
@@ -72,13 +72,16 @@ class ThetaTrajectory(
     }
 
     def __post_init__(self) -> None:
-        m, n = len(require_model(self.model).terms), np.size(self.timepts)
+        for name in ("timepts", "theta", "theta_cov", "drift_variance"):
+            given = getattr(self, name)
+            if not isinstance(given, np.ndarray) or given.dtype != np.float64 or given.flags.writeable:
+                object.__setattr__(self, name, real_numbers(given, name))
+        m, n = len(require_model(self.model).terms), self.timepts.size
         shapes = {"timepts": (n,), "theta": (m, n), "theta_cov": (n, m, m), "drift_variance": (m,)}
         for name, wanted in shapes.items():
-            values = np.asarray(getattr(self, name), dtype=np.float64)
+            values = getattr(self, name)
             if values.shape != wanted or not np.all(np.isfinite(values)):
                 raise ModelError(f"{name} has the shape {values.shape}; it must be {wanted}, and all of it finite")
-            object.__setattr__(self, name, values if not values.flags.writeable else read_only(values))
         if n == 0 or np.any(np.diff(self.timepts) <= 0) or np.any(self.drift_variance < 0):
             raise ModelError("timepts must increase, at least one of them, and drift_variance not be negative")
 
@@ -119,7 +122,7 @@ class ThetaTrajectory(
 
     def at(self, time: float) -> NarxModel:
         """Return the model at the sample nearest to `time`, s on the experiment's clock; ModelError if it is outside."""
-        k = int(self._nearest(np.array([time]))[0])
+        k = int(self._nearest(np.array([real_number(time, "time")]))[0])
         return replace(self.model, theta=self.theta[:, k], theta_cov=self.theta_cov[k])
 
     def thinned(self, step: int) -> Self:
@@ -183,7 +186,7 @@ class ThetaTrajectory(
     def _nearest(self, times: Array) -> NDArray[np.intp]:
         """Return the positions in ``timepts`` nearest to some times."""
         slack = 0.5 * self.model.sample_time
-        if times.size == 0 or times.min() < self.timepts[0] - slack or times.max() > self.timepts[-1] + slack:
+        if not np.all((times >= self.timepts[0] - slack) & (times <= self.timepts[-1] + slack)) or not times.size:
             asked = f"{times.min():g} s to {times.max():g} s" if times.size else "no time at all"
             raise ModelError(
                 f"asked for {asked}; the parameters are known from {self.timepts[0]:g} s to {self.timepts[-1]:g} s"

@@ -113,7 +113,7 @@ class Cascade(StateSpaceIdentifier):
                 f"a cascade has one input and one output; the recordings have {len(record.inputs)} and "
                 f"{len(record.outputs)}: use Pnlss"
             )
-        return 2 * self.states + 2 + self.structure.count("N") * (1 + len(self.shape))
+        return 2 * self.states + 2 + self.structure.count("N") * (1 + len(set(self.shape)))
 
     def _begun(self, linear: Point, records: Sequence[Record]) -> list[Point]:
         if self.structure == Structure.WIENER_HAMMERSTEIN:
@@ -122,7 +122,7 @@ class Cascade(StateSpaceIdentifier):
 
     def _of(self, signal: str) -> list[str]:
         """Return the terms of a static function of a signal."""
-        return [_SIGNAL.sub(signal, text) for text in self.shape]
+        return [_SIGNAL.sub(signal, text) for text in dict.fromkeys(self.shape)]
 
     def _around(self, linear: System) -> System:
         """Return one linear block with static functions before it, after it, or both."""

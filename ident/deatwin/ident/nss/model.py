@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.arguments import read_only, real_numbers, whole_number
+from deatwin.ident.arguments import positive, read_only, real_numbers, whole_number
 from deatwin.ident.narx.document import set_covariance, set_signals
 from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.posterior import PredictiveBand, quantile
@@ -107,7 +107,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
 
     def __post_init__(self) -> None:
         terms = texts(self.terms)
-        w, v = (np.atleast_2d(np.asarray(getattr(self, name), dtype=np.float64)) for name in ("transition", "output"))
+        w, v = (np.atleast_2d(real_numbers(getattr(self, name), name)) for name in ("transition", "output"))
         n, p = len(w), len(v)
         m = w.shape[1] - 1 - n - len(terms)
         if m < 1 or v.shape[1] != w.shape[1]:
@@ -115,14 +115,14 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
                 f"transition of shape {w.shape} and output of shape {v.shape}: both need a column for 1, for each of "
                 f"the {n} states, for each input and for each of the {len(terms)} terms"
             )
-        directions = np.asarray(self.directions, dtype=np.float64)
+        directions = real_numbers(self.directions, "directions")
         directions = directions if directions.size else np.zeros((0, w.shape[1]))
         if directions.ndim != 2 or directions.shape[1] != w.shape[1]:
             raise ModelError(f"directions have the shape {directions.shape}; they need {w.shape[1]} columns")
         weights = dict(zip(WEIGHTS, (directions, w, v), strict=True))
         for name, values in weights.items():
             given = getattr(self, f"free_{name}")
-            free = np.ones(values.shape, dtype=bool) if given is None else np.asarray(given, dtype=bool)
+            free = np.ones(values.shape, dtype=bool) if given is None else _truths(given, f"free_{name}")
             free = free.reshape(values.shape) if free.size == values.size == 0 else free
             if free.shape != values.shape or not np.all(np.isfinite(values)):
                 raise ModelError(f"{name} and free_{name} must be finite and of one shape; got {free.shape}")
@@ -131,8 +131,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
             object.__setattr__(self, f"free_{name}", free)
         object.__setattr__(self, "terms", terms)
         self._take_signals({"input": m, "output": p})
-        if not 0.0 < self.sample_time < math.inf:
-            raise ModelError(f"sample_time = {self.sample_time} must be positive and finite")
+        object.__setattr__(self, "sample_time", positive(self.sample_time, "sample_time"))
         basis = self.system.basis
         later = basis.levels >= np.arange(1, 1 + basis.directions)[:, None]
         if np.any(later & (self.free_directions | (self.directions != 0.0))):
@@ -147,14 +146,20 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
             for key, default in filled.items():
                 object.__setattr__(self, f"{side}_{key}", texts(getattr(self, f"{side}_{key}")) or default)
             for key, value in (("origin", 0.0), ("scale", 1.0)):
-                given = np.atleast_1d(np.asarray(getattr(self, f"{side}_{key}"), dtype=np.float64))
+                given = np.atleast_1d(real_numbers(getattr(self, f"{side}_{key}"), f"{side}_{key}"))
                 values = given if given.size else np.full(count, value)
                 object.__setattr__(self, f"{side}_{key}", read_only(values))
             held = [getattr(self, f"{side}_{key}") for key in ("names", "units", "origin", "scale")]
-            if any(len(one) != count for one in held) or not np.all(np.isfinite(held[2])) or not np.all(held[3] > 0):
-                raise ModelError(f"{count} {side}s need as many names, units, origins, and scales above 0")
+            if (
+                any(np.shape(one) != (count,) for one in held)
+                or not np.all(np.isfinite(held[2:]))
+                or not np.all(held[3] > 0)
+            ):
+                raise ModelError(
+                    f"{count} {side}s need as many names, units, finite origins, and finite scales above 0"
+                )
         set_signals(self)
-        noise = np.atleast_1d(np.asarray(self.noise_variance, dtype=np.float64))
+        noise = np.atleast_1d(real_numbers(self.noise_variance, "noise_variance"))
         noise = noise if noise.size else np.zeros(counts["output"])
         if noise.shape != (counts["output"],) or not np.all((noise >= 0.0) & np.isfinite(noise)):
             raise ModelError(
@@ -315,3 +320,11 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
             fewest=0,
         )
         return drive, Opening.known(known, self.theta.size)
+
+
+def _truths(given: ArrayLike, name: str) -> NDArray[np.bool_]:
+    """Return truth values as a new array, after a check."""
+    try:
+        return np.array(given, dtype=bool)
+    except ValueError:
+        raise ModelError(f"{name} must be truth values, with rows of the same length") from None

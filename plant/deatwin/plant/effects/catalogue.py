@@ -55,11 +55,16 @@ def _loaded(point: EntryPoint) -> type[Effect]:
     typical = kind()
     described = {parameter.name: parameter for parameter in typical.describe()}
     if described.keys() != {typical.strength, *typical.shapes}:
-        raise RigError(f"it describes {', '.join(described)}; it must describe each of its fields and its strength")
+        raise RigError(
+            f"it describes {', '.join(described) or 'nothing'}; it must describe each of its fields and its strength"
+        )
     strength = described[typical.strength]
     if not strength.lower <= 0.0 <= strength.upper:
         raise RigError(f"the range of its strength {strength.name} lacks 0, where the effect is off")
-    typical.wording.format(**dict.fromkeys(described, ""))
+    try:
+        typical.wording.format(**dict.fromkeys(described, ""))
+    except (KeyError, IndexError, ValueError) as error:
+        raise RigError(f"its wording {typical.wording!r} has a placeholder that is no parameter: {error}") from None
     return kind
 
 

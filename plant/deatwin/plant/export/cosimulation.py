@@ -34,7 +34,7 @@ _BUILD = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-@taking(source=instance(SampledSource), path=file_name)
+@taking(source=instance(SampledSource, hint=", as plant_source(plant) returns it"), path=file_name)
 def export_cosimulation(source: SampledSource, path: str | Path) -> Path:
     """Export a sampled system as an FMU (functional mock-up unit, FMI 3.0) for co-simulation.
 

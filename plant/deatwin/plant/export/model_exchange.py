@@ -32,6 +32,8 @@ _UNITS = "states in units of their typical sizes; time is the experiment's clock
 _SETS_TIME = ("  m->t = time;\n", "  m->t = startTime;\n")
 _FRESH = "  m->up_to_date = 0;\n"
 """Patch for CasADi 3.8, which does not recompute time-dependent values when time is set."""
+_NO_INDICATORS = "  // No zero crossings\n  return fmi3%s;\n"
+"""End of a function of CasADi 3.8 that fails if there are no event indicators, although a solver may ask for none."""
 
 
 @taking(path=file_name)
@@ -126,11 +128,12 @@ def _has_memory(plant: Plant) -> bool:
 
 
 def _refreshed(wrapper: str) -> str:
-    """Return a wrapper that recomputes time-dependent values whenever time is set."""
-    for line in _SETS_TIME:
+    """Return a wrapper that recomputes time-dependent values whenever time is set, and has no event indicators."""
+    patches = {line: line + _FRESH for line in _SETS_TIME} | {_NO_INDICATORS % "Fatal": _NO_INDICATORS % "OK"}
+    for line, patched in patches.items():
         if wrapper.count(line) != 1:
             raise ModelError(f"the FMU that CasADi {version('casadi')} writes is not of the form known here (3.8)")
-        wrapper = wrapper.replace(line, line + _FRESH)
+        wrapper = wrapper.replace(line, patched)
     return wrapper
 
 

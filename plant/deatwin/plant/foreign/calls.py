@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.plant.arrays import Array
+from deatwin.plant.arrays import Array, real_numbers
 from deatwin.plant.interrupts import ignore_interrupts, interrupts_held
 from deatwin.plant.safe_read import clipped
 
@@ -83,9 +83,7 @@ def _answer(model: Model, call: Call) -> Answer:
             dict(call.parameters), {name: np.array(u) for name, u in call.inputs.items()}, np.array(call.time)
         )
         chosen = given[call.output] if isinstance(given, Mapping) else given
-        if np.iscomplexobj(chosen):
-            raise TypeError("its readings are complex numbers")
-        readings = np.array(chosen, dtype=float)
+        readings = np.array(real_numbers(chosen, "its readings"))
     except KeyboardInterrupt:
         raise
     except BaseException as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from math import isfinite
 from numbers import Real
@@ -76,7 +76,7 @@ class ForeignRig(Rig):
     ------
     RigError
         If the model is not callable or not hashable, `sizes` is not a `Sizes`, `step` or `longest` is not above 0, a
-        name or a unit is not text, a name in `varying` is not that of a parameter, or `further` is not empty.
+        name or a unit is not text, a channel is not a pair of a name and a finite number, a name in `varying` is not that of a parameter, or `further` is not empty.
     """
 
     model: Model
@@ -116,6 +116,12 @@ class ForeignRig(Rig):
         for name in ("input_name", "input_unit", "output_name", "output_unit"):
             if not isinstance(value := getattr(self, name), str):
                 raise RigError(f"{name} is {value!r}; it must be text")
+        pairs = self.channels.items() if isinstance(self.channels, Mapping) else self.channels
+        for pair in pairs if isinstance(pairs, Iterable) else [pairs]:
+            name, value = pair if isinstance(pair, tuple | list) and len(pair) == 2 else (None, None)
+            if not (isinstance(name, str) and isinstance(value, Real) and isfinite(value)):
+                raise RigError(f'{pair!r} is not a channel; give a name and a number, as ("temperature", 20.0)')
+        object.__setattr__(self, "channels", tuple((str(name), float(value)) for name, value in pairs))
         if self.further:
             raise RigError("a foreign model gives one reading; leave `further` empty")
         known = ParameterSet(self.parameters)

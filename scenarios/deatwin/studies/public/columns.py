@@ -25,7 +25,9 @@ def csv_columns(path: Path, names: Sequence[str]) -> Array:
         headers = [name.strip().strip('"') for name in file.readline().split(",")]
         _require_names(path, names, headers)
         places = [headers.index(name) for name in names]
-        return np.asarray(np.genfromtxt(file, delimiter=",", usecols=places, dtype=float, ndmin=2))
+        table = np.asarray(np.genfromtxt(file, delimiter=",", usecols=places, dtype=float, ndmin=2))
+    _require_sound(path, dict(zip(names, table.T, strict=True)))
+    return table
 
 
 def matlab_vectors(path: Path, names: Sequence[str], *, optional: Sequence[str] = ()) -> Mapping[str, Array]:
@@ -36,7 +38,9 @@ def matlab_vectors(path: Path, names: Sequence[str], *, optional: Sequence[str] 
     with reading(str(path), "MATLAB"):
         held = loadmat(path, variable_names=[*names, *optional])
         _require_names(path, names, held)
-        return {name: held[name].astype(float).ravel() for name in (*names, *optional) if name in held}
+        vectors = {name: held[name].astype(float).ravel() for name in (*names, *optional) if name in held}
+    _require_sound(path, vectors)
+    return vectors
 
 
 def hdf5_vectors(path: Path, group: str, names: Sequence[str]) -> tuple[Array, ...]:
@@ -46,7 +50,9 @@ def hdf5_vectors(path: Path, group: str, names: Sequence[str]) -> tuple[Array, .
     with reading(str(path), "HDF5"), h5py.File(path, "r") as file:
         held = file.get(group, {})
         _require_names(path, names, held)
-        return tuple(held[name][()].astype(float).ravel() for name in names)
+        vectors = {name: held[name][()].astype(float).ravel() for name in names}
+    _require_sound(path, vectors)
+    return tuple(vectors.values())
 
 
 def _require_file(path: Path) -> None:
@@ -58,3 +64,17 @@ def _require_names(path: Path, names: Sequence[str], found: Collection[str]) -> 
     for name in names:
         if name not in found:
             raise DataError(f'{path}: no "{name}"; the published file has it: download it again')
+
+
+def _require_sound(path: Path, vectors: Mapping[str, Array]) -> None:
+    """Raise an error unless vectors (n,) have finite numbers and one length; constants have one value."""
+    lengths = {name: values.size for name, values in vectors.items() if values.size != 1}
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f'"{name}" has {n}' for name, n in lengths.items())
+        raise DataError(f"{path}: its signals differ in length ({told} samples); download it again")
+    for name, values in vectors.items():
+        if not (finite := np.isfinite(values)).all():
+            at = int(np.argmin(finite))
+            raise DataError(
+                f'{path}: "{name}" is {values[at]} at sample {at}; the published file is finite: download it again'
+            )

@@ -146,10 +146,13 @@ def test_bad_input_is_one_clear_error():
         control.input_output_response(system, timepts, np.full((2, 10), np.nan))
     with pytest.raises(ValueError, match="X0"):
         control.input_output_response(system, timepts, np.zeros((2, 10)), np.ones(9))
-    with pytest.raises(ModelError, match="2 inputs and 1 outputs, and needs at least 2 rows"):
+    with pytest.raises(ModelError, match="2 inputs and 1 outputs, and needs at least 2 samples of each"):
         past_state(model, np.zeros((2, 1)), np.zeros(1))
     with pytest.raises(ModelError, match="2 inputs and 1 outputs"):
         past_state(model, np.zeros(5), np.zeros(5))
+    with pytest.raises(ModelError, match="the last 2 samples of the inputs and outputs must be finite"):
+        past_state(model, np.zeros((2, 5)), [0.0, 0.0, 0.0, np.nan, 0.0])
+    assert np.isfinite(past_state(model, np.zeros((2, 5)), [np.nan, 0.0, 0.0, 0.0, 0.0])).all()
     with pytest.raises(ModelError, match="2 finite number"):
         rest_state_of(model, 1.0)
     with pytest.raises(ModelError, match="one output"):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import NarxModel, OperatingRange, ThetaTrajectory
 from deatwin.ident.narx.covariance import covariance_root, transformed
 from deatwin.ident.narx.estimate import Ridge
 from deatwin.ident.narx.linear import LinearModel
@@ -74,7 +74,7 @@ def test_the_offender_is_named(wrong, says):
 
 
 @pytest.mark.parametrize("name", ["noise_variance", "sample_time", "theta_dof"])
-@pytest.mark.parametrize("value", [np.nan, -1.0, -np.inf, np.inf])
+@pytest.mark.parametrize("value", [np.nan, -1.0, -np.inf, np.inf, "a", None, 1j, [1.0, 2.0]])
 def test_other_numbers_that_cannot_be(name, value):
     if (name, value) == ("theta_dof", np.inf):  # those of a normal law
         return
@@ -104,3 +104,36 @@ def test_ridge_that_leaves_nothing_for_the_noise_is_refused():
     rng = np.random.default_rng(2)
     with pytest.raises(ModelError, match="3 samples leave no freedom for noise at penalty = 1e-18"):
         Ridge(penalty=1e-18)(rng.standard_normal((5, 3)), rng.standard_normal(3))
+
+
+@pytest.mark.parametrize(
+    ("field", "wrong", "says"),
+    [
+        ("equations", (0, "a"), r"equations\[1\] = 'a'; it must be an integer of at least 0"),
+        ("equations", 3, "equations must be a list or a tuple; got an int"),
+        ("operating", 2.4, "operating must be an OperatingRange; got a float"),
+        ("output_names", None, r"names and units of outputs must be texts; got \(None,\)"),
+    ],
+)
+def test_fields_of_another_kind_are_refused(field, wrong, says):
+    with pytest.raises(ModelError, match=says):
+        replace(TWO, **{field: wrong})
+
+
+RANGE = OperatingRange(
+    input_min=-1.0, input_max=1.0, input_centre=0.0, output_min=[-2.0], output_max=[2.0], output_centre=[0.0]
+)
+TRAJECTORY = ThetaTrajectory(
+    model=TWO, timepts=[0.0, 0.1], theta=np.ones((2, 2)), theta_cov=np.zeros((2, 2, 2)), drift_variance=[0.0, 0.0]
+)
+
+
+@pytest.mark.parametrize("wrong", ["a", 1j, [[1.0, 2.0], [1.0]], None])
+@pytest.mark.parametrize(
+    ("right", "field"),
+    [(RANGE, "input_min"), (RANGE, "output_centre")]
+    + [(TRAJECTORY, name) for name in ("timepts", "theta", "theta_cov", "drift_variance")],
+)
+def test_arrays_of_other_things_than_numbers_are_refused(right, field, wrong):
+    with pytest.raises(ModelError, match=f"{field} must be (real numbers|an array of real numbers)"):
+        replace(right, **{field: wrong})

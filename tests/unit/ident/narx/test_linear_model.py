@@ -122,6 +122,12 @@ def test_what_does_not_suit_is_refused():
         ({"a": [1], "b": [[1]], "f": ([1], [1])}, "as many f"),
         ({"a": [1, np.nan], "b": [[1]]}, "finite"),
         ({"a": [1], "b": [[1]], "noise_variance": -1.0}, "noise_variance"),
+        ({"a": [1, 1j], "b": [[1]]}, "a must be real numbers; got complex numbers"),
+        ({"a": [1], "b": None}, "b must be a list or a tuple; got None"),
+        ({"a": [1], "b": [[1], ["a"]]}, r"b\[1\] must be real numbers; got text"),
+        ({"a": [1], "b": [[1]], "f": "1"}, "f must be a list or a tuple; got text"),
+        ({"a": [1], "b": [[1]], "offset": 1j}, "offset must be real numbers; got complex numbers"),
+        ({"a": [1], "b": [[1]], "input_units": 3}, "names and units of inputs must be texts"),
     ]:
         with pytest.raises(ModelError, match=says):
             LinearModel(sample_time=1.0, **arguments)

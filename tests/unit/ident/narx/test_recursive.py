@@ -257,6 +257,9 @@ def test_a_trajectory_runs_with_the_parameters_of_each_time():
     for time in (2.9, 15.0):
         with pytest.raises(ModelError, match=r"known from 3 s to 14\.9 s"):
             known.at(time)
+    for time, said in ((np.nan, "asked for nan s"), ("a", "time must be real numbers"), ([1.0, 2.0], "one number")):
+        with pytest.raises(ModelError, match=said):
+            known.at(time)
     with pytest.raises(ModelError, match="known from"):
         known.thinned(1).simulate(Recording.from_arrays(u, y, 0.1, start=3.5))
 

@@ -159,6 +159,31 @@ def test_arguments_that_make_no_sense_are_refused(arguments, message):
         Pnlss(**arguments).fit(duffing(np.random.default_rng(0), 200))
 
 
+@pytest.mark.parametrize(
+    ("field", "wrong", "message"),
+    [
+        ("sample_time", "0.1", "sample_time must be real numbers; got text"),
+        ("sample_time", None, "sample_time must be real numbers; got other objects"),
+        ("sample_time", 0.0, "sample_time = 0.0; it must be positive and finite"),
+        ("transition", [[0, 0.5j, 1]], "transition must be real numbers; got complex numbers"),
+        ("output", [[0, 1, 0], [1]], "output must be an array of real numbers; its rows differ"),
+        ("directions", "abc", "directions must be real numbers; got text"),
+        ("free_output", [[True], [True, False]], "free_output must be truth values"),
+        ("terms", None, "for each of the 1 terms"),
+        ("input_names", 3, r"names and units of inputs must be texts; got \(3,\)"),
+        ("theta_cov", 1j * np.eye(6), "theta_cov must be real numbers; got complex numbers"),
+        ("noise_variance", ["a"], "noise_variance must be real numbers; got text"),
+        ("input_scale", [np.inf], "1 inputs need as many .* finite scales above 0"),
+        ("output_origin", [[[0.0]]], "1 outputs need as many"),
+    ],
+)
+def test_a_model_of_wrong_fields_is_refused(field, wrong, message):
+    right = {"terms": [], "transition": [[0, 0.5, 1]], "output": [[0, 1, 0]], "sample_time": 0.1}
+    assert NonlinearStateSpace(**right).n_states == 1
+    with pytest.raises(ModelError, match=message):
+        NonlinearStateSpace(**{**right, field: wrong})
+
+
 def test_runs_that_make_no_sense_are_refused():
     record = duffing(np.random.default_rng(0), 200)
     model = NonlinearStateSpace(terms=["x1^3"], transition=[[0, 0.5, 1, -0.1]], output=[[0, 1, 0, 0]], sample_time=0.1)

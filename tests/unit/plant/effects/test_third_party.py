@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from deatwin.plant import Creep
+from deatwin.plant import Creep, Parameter
 from deatwin.plant.effects import catalogue
 from deatwin.plant.errors import RigError
 from deatwin.plant.integrator.compiled import compiler
@@ -113,6 +113,13 @@ class Odd(Creep):
     wording = "Creeps by {amount}"
 
 
+class Silent(Creep):
+    name = "silent"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return ()
+
+
 class Heavy(Creep):
     name = "heavy"
     strength = "weight"
@@ -123,7 +130,8 @@ class Heavy(Creep):
     [
         (dict, "odd", "it is not a subclass of deatwin.plant.Effect"),
         (Creep, "crawl", "the class calls itself 'creep'; entry point and class need the same name"),
-        (Odd, "creep", "KeyError: 'amount'"),
+        (Odd, "creep", "its wording 'Creeps by {amount}' has a placeholder that is no parameter: 'amount'"),
+        (Silent, "silent", "it describes nothing; it must describe each of its fields and its strength"),
         (Heavy, "heavy", "it must describe each of its fields and its strength"),
     ],
 )

@@ -130,7 +130,11 @@ def test_a_fit_finds_the_parameters_of_the_same_equations() -> None:
         (heavy_motor_raises, "it raised FloatingPointError: left its range"),
         (heavy_motor_crashes, "its process crashed"),
         (lambda p, u, t: t[1:], r"it returned readings of shape \(399,\) for times of shape \(400,\)"),
-        (lambda p, u, t: t + 0j, "it raised TypeError: its readings are complex numbers"),
+        (
+            lambda p, u, t: t + 0j,
+            "it raised DataError: its readings must be an array of real numbers, with rows of the same length",
+        ),
+        (lambda p, u, t: np.ma.masked_less(t, 1.0), "its reading at 0 s is not a finite number"),
         (lambda p, u, t: np.where(t > 1.0, np.nan, t), "its reading at 1.01 s is not a finite number"),
     ],
 )
@@ -186,6 +190,15 @@ def test_a_plant_is_saved_by_the_name_of_its_model() -> None:
 def test_a_foreign_rig_needs_its_sizes() -> None:
     with pytest.raises(RigError, match=r"sizes is None; give the typical sizes"):
         ForeignRig(**{**vars(FOREIGN), "sizes": None})
+
+
+@pytest.mark.parametrize(
+    "channels",
+    [("temperature",), ("temperature", 20.0), (("temperature", "warm"),), ((3, 20.0),), 3, (("heat", np.nan),)],
+)
+def test_a_channel_is_a_name_and_a_number(channels) -> None:
+    with pytest.raises(RigError, match=r'is not a channel; give a name and a number, as \("temperature", 20.0\)'):
+        ForeignRig(**{**vars(FOREIGN), "channels": channels})
 
 
 def test_one_parameter_that_varies_may_be_given_alone() -> None:

@@ -15,7 +15,7 @@ class Point:
     """An entry point of somebody else."""
 
     def __init__(self, name, load):
-        self.name, self.load = name, load
+        self.name, self.value, self.load = name, f"theirs:{name}", load
 
 
 def broken():
@@ -23,17 +23,30 @@ def broken():
 
 
 def test_a_broken_rig_of_others_hinders_nobody(monkeypatch):
-    points = [Point("diaphragm", lambda: Diaphragm), Point("theirs", broken)]
+    points = [Point("diaphragm", lambda: Diaphragm), Point("theirs", broken), Point("no_rig", lambda: dict)]
     monkeypatch.setattr(
         catalogue, "entry_points", lambda group, name=None: [p for p in points if name in (None, p.name)]
     )
-    catalogue._point_named.cache_clear()
+    for cached in (catalogue._point_named, catalogue._kinds):
+        cached.cache_clear()
     try:
         assert rig_kind("diaphragm") is Diaphragm
-        with pytest.raises(ImportError, match="somebody else"):
+        with pytest.raises(
+            RigError, match=r"the rig theirs \(theirs:theirs\) cannot be used: ImportError: .* somebody else"
+        ):
             rig_kind("theirs")
+        with pytest.raises(RigError, match=r"the rig no_rig .* not a subclass of deatwin\.plant\.Rig"):
+            rig_kind("no_rig")
+        with (
+            pytest.warns(UserWarning, match="the rig (theirs|no_rig) .* cannot be used: .*; it is left out"),
+            pytest.raises(
+                RigError, match=r"there is no rig 'diafragm'; did you mean \"diaphragm\"\? \(known: diaphragm;"
+            ),
+        ):
+            rig_kind("diafragm")
     finally:
-        catalogue._point_named.cache_clear()
+        for cached in (catalogue._point_named, catalogue._kinds):
+            cached.cache_clear()
 
 
 def test_an_unknown_rig_is_told_with_the_nearest_name():

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.arguments import read_only, real_number
+from deatwin.ident.arguments import real_number, real_numbers
 from deatwin.ident.frequency.output_responses.powers import (
     InputSpectrum,
     checked_band,
@@ -21,7 +21,6 @@ from deatwin.ident.frequency.output_responses.powers import (
 from deatwin.ident.narx.document import OperatingRange
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.arrays import Array
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
@@ -32,7 +31,7 @@ _EDGE = 1e-9  # relative distance from an end of the band within which a line is
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TestSignal(Described, Frozen):
+class TestSignal(Described):
     """One period of a test signal. Functions that take an excitation accept this object like an array.
 
     Parameters
@@ -61,7 +60,7 @@ class TestSignal(Described, Frozen):
     }
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", read_only(self.values))
+        object.__setattr__(self, "values", real_numbers(self.values, "values"))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if dtype is None and not copy:

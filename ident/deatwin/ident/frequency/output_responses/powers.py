@@ -16,7 +16,6 @@ from deatwin.ident.frequency.linear import whole_order
 from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, one_period, spectrum_of
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.arrays import Array, Booleans, Complex
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
@@ -126,7 +125,7 @@ _COUNTED = 1e-3  # -60 dB: lines whose contributions are below this share of the
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class InputSpectrum(Described, Frozen):
+class InputSpectrum(Described):
     """Spectrum U_n of the n-th power of an input.
 
     Let U be the spectrum of the input and Y_n that of the n-th order of the output. At the line k, the nonlinear output

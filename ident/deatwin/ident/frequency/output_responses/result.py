@@ -12,7 +12,6 @@ import numpy as np
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.plant.arrays import Array, Complex
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError
@@ -58,7 +57,7 @@ class NofrfStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Nofrf(Described, Frozen):
+class Nofrf(Described):
     """Nonlinear output frequency responses G_1, ..., G_N, estimated by `nofrf`.
 
     The model was simulated with the excitation multiplied by several factors, which are called levels. At each level,

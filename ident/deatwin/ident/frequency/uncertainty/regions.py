@@ -19,7 +19,6 @@ from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, region_radi
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.posterior import ThetaPosterior
 from deatwin.plant.arrays import Array, Complex
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, nested, several, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
@@ -76,7 +75,7 @@ _MOST_POINTS = 300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Uncertain(Described, Frozen, ABC):
+class Uncertain(Described, ABC):
     """Frequency response with its uncertainty."""
 
     response: FrequencyResponse = field(metadata=nested())  # Response at the model's own parameters

@@ -17,7 +17,6 @@ from deatwin.ident.frequency.linear import levels, motion
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.arrays import Array, Complex
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 from deatwin.plant.drawing import Axes, axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
@@ -53,7 +52,7 @@ _DECADES = 20.0  # ratio of the highest to the lowest frequency above which the 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class VaryingResponse(Described, Frozen):
+class VaryingResponse(Described):
     """Frequency response of a model whose parameters change with time.
 
     At each time, the parameters and the operating input are taken as constant.

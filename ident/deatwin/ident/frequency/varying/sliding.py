@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import probability, real_number
 from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.arrays import Array
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.errors import DataError
@@ -51,7 +50,7 @@ class SlidingStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SlidingStatistics(Described, Frozen):
+class SlidingStatistics(Described):
     """Mean and gain of a recording in sliding windows.
 
     Parameters

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import keep_read_only, read_only
+from deatwin.ident.arguments import positive, read_only, real_number, real_numbers
 from deatwin.ident.narx.document import set_covariance, set_signals, signals_of
 from deatwin.ident.narx.drive import require_suits, signals_like
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
@@ -19,6 +19,7 @@ from deatwin.ident.narx.linear.prediction import lagged, prediction_errors, recu
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
 from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.arguments import each
 from deatwin.plant.arrays import Array, texts
 from deatwin.plant.datasets import (
     Described,
@@ -149,10 +150,16 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
     }
 
     def __post_init__(self) -> None:
+        each(real_numbers)(self.b, "b")
+        each(real_numbers)(self.f, "f")
         m = len(self.b)
-        keep_read_only(self, "a", "c", "d")
+        for name in ("a", "c", "d"):
+            object.__setattr__(self, name, real_numbers(getattr(self, name), name))
+        for name in ("offset", "noise_variance"):
+            real_number(getattr(self, name), name)
+        positive(self.sample_time, "sample_time")
         object.__setattr__(self, "b", tuple(read_only(b) for b in self.b))
-        object.__setattr__(self, "f", tuple(read_only(f) for f in self.f or [[1.0]] * m))
+        object.__setattr__(self, "f", tuple(read_only(f) for f in (self.f if len(self.f) else [[1.0]] * m)))
         names = ("input",) if m == 1 else tuple(f"input{i}" for i in range(1, m + 1))
         object.__setattr__(self, "input_names", texts(self.input_names) or names)
         object.__setattr__(self, "input_units", texts(self.input_units) or ("",) * m)
@@ -164,11 +171,8 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         set_signals(self)
         self.polynomials.require()
         set_covariance(self, self.theta.size)
-        if not 0 < self.sample_time < math.inf or not 0 <= self.noise_variance < math.inf:
-            raise ModelError(
-                f"sample_time = {self.sample_time} must be positive and finite, "
-                f"noise_variance = {self.noise_variance} finite and not negative"
-            )
+        if not 0 <= self.noise_variance < math.inf:
+            raise ModelError(f"noise_variance = {self.noise_variance}; it must be finite and not negative")
 
     @property
     def polynomials(self) -> Polynomials:

@@ -19,7 +19,6 @@ from deatwin.ident.arguments import whole_number
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.arguments import taking
 from deatwin.plant.arrays import Array
-from deatwin.plant.copies import Frozen
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
@@ -47,7 +46,7 @@ class SamplingStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SamplingChoice(Described, Frozen):
+class SamplingChoice(Described):
     """Correlation functions of the output and the decimation factor chosen from them.
 
     Parameters
