@@ -9,6 +9,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.checks import experiment_for
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.integrator.collocation import radau
@@ -72,6 +73,15 @@ def stages_for(plant: Plant, experiments: Sequence[Experiment]) -> tuple[int, fl
     best = min(errors, key=errors.__getitem__)
     kept = best if errors[best] <= WORTH * errors[plant.stages] else plant.stages
     return kept, errors[kept]
+
+
+def step_error(plant: Plant, experiments: Sequence[Experiment]) -> float:
+    """Return the rms error of the first reading because each sample is one step, SI; 0 if it is unknown."""
+    # Stages do not follow a signal that changes abruptly within a sample, such as friction; shorter steps do.
+    if not plant.rig.equations_known:
+        return 0.0
+    found, exact = _readings(plant, experiments), _readings(plant, experiments, FINER)
+    return 0.0 if found is None or exact is None else root_mean_square(found - exact)
 
 
 def mode_error(modes: np.ndarray, stages: int, steps: int = 1) -> float:

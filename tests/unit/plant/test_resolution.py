@@ -9,9 +9,19 @@ import numpy as np
 import pytest
 from made_rigs import Pushed
 
-from deatwin.plant import Delay, Effect, Experiment, Parameter, Plant, ReadingTime, SensorJump, StartProcedure
+from deatwin.plant import (
+    CoulombFriction,
+    Delay,
+    Effect,
+    Experiment,
+    Parameter,
+    Plant,
+    ReadingTime,
+    SensorJump,
+    StartProcedure,
+)
 from deatwin.plant.builder import Builder
-from deatwin.plant.resolution import free_modes, mode_error, resolved
+from deatwin.plant.resolution import free_modes, mode_error, resolved, step_error
 
 pytestmark = pytest.mark.usefixtures("uncompiled")
 
@@ -59,6 +69,30 @@ def test_a_mode_faster_than_the_samples_is_followed(oscillator, experiment, read
     followed = resolved(plant, [held])
     assert followed.stages > plant.stages
     assert error(followed) < 0.1 * plant.rig.noise
+
+
+def test_the_error_of_friction_that_reverses_within_a_sample_is_known(experiment) -> None:
+    """A sliding mass under held forces, each larger than its friction: parabolas, one of them up to the reversal."""
+    mass, friction, push = 3e-3, 0.5e-3, 6e-3
+    rng = np.random.default_rng(3)
+    commands = rng.choice([-1.0, 1.0], 60) * rng.uniform(0.2, 0.5, 60)
+    position, velocity, truth = 0.0, 0.0, []
+    for force in push * commands:
+        left = STEP
+        if velocity * force < 0.0:
+            slows = (force - friction * np.sign(velocity)) / mass
+            stops = min(-velocity / slows, left)
+            position += velocity * stops + slows * stops**2 / 2
+            velocity, left = velocity + slows * stops, left - stops
+        speeds = (force - friction * np.sign(velocity if left == 0.0 else force)) / mass
+        position += velocity * left + speeds * left**2 / 2
+        velocity += speeds * left
+        truth.append(position)
+    free, held = Plant(rig=Pushed(mass=mass, damping=0.0, stiffness=0.0, push=push)), experiment(commands)
+    sliding = free.with_effects(CoulombFriction(force=friction, slip=5e-8))
+    error = float(np.sqrt(np.mean((sliding.simulate(held).outputs[0][0] - truth) ** 2)))
+    assert step_error(sliding, [held]) == pytest.approx(error, rel=1 / 3)
+    assert step_error(free, [held]) < 1e-6 * error
 
 
 def test_a_slow_plant_keeps_its_stages(oscillator, experiment) -> None:

@@ -38,6 +38,7 @@ from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import label
+from deatwin.plant.resolution import step_error
 from deatwin.plant.words import spaced
 
 
@@ -92,6 +93,7 @@ def conclude(findings: Findings) -> Diagnosis:
             ),
             *_at_bounds(findings),
             *_widened(findings.final.plant),
+            *_abrupt(findings),
             *exchanged_lags(findings.final),
             *_held_back(findings),
             *_alike_but_unlikely(findings),
@@ -228,6 +230,18 @@ def _widened(plant: Plant) -> Iterator[str]:
         value = plant.parameters[usual.name].value
         if not usual.lower <= value <= usual.upper:
             yield f"the fitted {usual.name} lies outside its usual range of {usual.lower:g} to {usual.upper:g} {usual.unit}"
+
+
+def _abrupt(findings: Findings) -> Iterator[str]:
+    """Warn if effects that change abruptly within a sample are simulated with an error that the sensor would show."""
+    plant = findings.final.plant
+    error = step_error(plant, findings.checked.experiments) if findings.named else 0.0
+    if error > findings.base.noise:
+        yield (
+            f"the amended model is simulated with an error of {with_unit(error, plant.rig.output_unit)} rms, more than the "
+            "sensor noise, because a force or signal changes abruptly within a sample; the fitted values may make up for "
+            "this error, and with a shorter sample time it is smaller"
+        )
 
 
 def _at_bounds(findings: Findings) -> Iterator[str]:
