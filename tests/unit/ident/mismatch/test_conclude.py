@@ -5,11 +5,22 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_rigs import Pushed
 
 from deatwin.ident.greybox import Part
 from deatwin.ident.mismatch import Verdict, conclude
 from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
-from deatwin.plant import Creep, Diaphragm, Experiment, Hysteresis, Plant, Recording, SensorDrift, SensorJump
+from deatwin.plant import (
+    CoulombFriction,
+    Creep,
+    Diaphragm,
+    Experiment,
+    Hysteresis,
+    Plant,
+    Recording,
+    SensorDrift,
+    SensorJump,
+)
 from deatwin.plant.effects.catalogue import effect_named
 
 
@@ -54,6 +65,22 @@ def test_an_event_that_unseen_data_placed_is_said(at, causes, said):
     )
     found = list(conclude._placed_unseen(findings))
     assert [text.startswith("sensor_jump.at was fitted to held-out data") for text in found] == [True] * said
+
+
+@pytest.mark.usefixtures("uncompiled")
+@pytest.mark.parametrize(("named", "noise", "said"), [(True, 1e-6, True), (True, 1e-2, False), (False, 1e-6, False)])
+def test_friction_that_is_simulated_worse_than_the_sensor_reads_is_said(named, noise, said):
+    """A mass of 3 g under 3 mN turns within a sample: friction of 0.5 mN acts the wrong way for some 10 ms, 15 µm."""
+    pushed = Plant(rig=Pushed(damping=0.0, stiffness=0.0), effects=(CoulombFriction(force=0.5e-3, slip=5e-8),))
+    commands = 0.5 * np.random.default_rng(3).choice([-1.0, 1.0], 60)
+    experiment = Experiment(recordings=(Recording.from_arrays(commands, np.zeros(60), 0.02),))
+    findings = SimpleNamespace(
+        named=named,
+        final=SimpleNamespace(plant=pushed),
+        checked=SimpleNamespace(experiments=(experiment,)),
+        base=SimpleNamespace(noise=noise),
+    )
+    assert [" more than the sensor noise" in text for text in conclude._abrupt(findings)] == [True] * said
 
 
 def test_a_place_is_listed_with_its_best_effect():
