@@ -111,7 +111,9 @@ HIGHEST_FILM_VOLTAGE = 30e3  # V; no amplifier for these actuators gives more
 
 _CURRENTS = (2.0, 1e6)  # µA
 _RESOLVED = (5e-3, 300.0)  # µm
-_EQUATIONS = "rms error of the readings that simplified equations leave after a calibration; that of the kind if left out"
+_EQUATIONS = (
+    "rms error of the readings that simplified equations leave after a calibration; that of the kind if left out"
+)
 Keys = Mapping[str, NumberKey | TextKey]
 MATERIAL = TextKey(
     field="material",

@@ -129,9 +129,10 @@ def _answering_late(base: Candidate, problem: DiagnosisProblem, size: float) -> 
     if size > np.hypot(moved, practical_size(base.noise, fit.plant.rig.model_error)):
         return None
     longest = LATEST * problem.nominal.rig.sample_time
-    # The range of a dead time in the catalogue may be many samples, each of which enlarges the equations.
+    # The range of a dead time in the catalogue may be many samples, each of which enlarges the equations. Here it ends at
+    # twice the longest time, and the fit starts at a quarter of it.
     sizes = replace(problem.nominal.rig.sizes or Sizes(), period=PERIOD * 2 * longest / USUAL)
-    short_delay = replace(sizes.of(Delay()), time=longest / 2)
+    short_delay = sizes.of(Delay(time=USUAL / 4))
     late = finish(roughly(fit.plant.with_effects(short_delay), problem.everything), problem.everything)
     short = late.status.ok and late.plant.parameters["delay.time"].value <= longest
     return late if short and _leaves_nothing(late, base, problem) else None
