@@ -40,7 +40,7 @@ class Creep(Effect):
     """
 
     modulus: float = field(default=26e3, metadata=ranged("Pa", 0.0, 1e6))
-    time: float = field(default=60.0, metadata=ranged("s", 2.0, 2000.0, widest=200e3, scale=Scale.LOGARITHMIC))
+    time: float = field(default=60.0, metadata=ranged("s", 2.0, 2000.0, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "creep"
     family: ClassVar[Family] = Family.FILM

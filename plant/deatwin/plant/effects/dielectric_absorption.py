@@ -40,7 +40,7 @@ class DielectricAbsorption(Effect):
     """
 
     share: float = field(default=0.05, metadata=ranged("1", 0.0, 0.9))
-    time: float = field(default=30.0, metadata=ranged("s", 0.1, 5e3, widest=200e3, scale=Scale.LOGARITHMIC))
+    time: float = field(default=30.0, metadata=ranged("s", 0.1, 5e3, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "dielectric_absorption"
     family: ClassVar[Family] = Family.ELECTRICAL
