@@ -124,6 +124,9 @@ class Effect(ABC):
     """Name of the shape parameter that is a threshold; empty without one. It is a value of the amplifier's voltage for
     an effect in the drive, otherwise of the reading. Below the threshold the effect does nothing, so a fit must start
     from a value that the signal exceeds."""
+    surroundings: ClassVar[frozenset[str]] = frozenset()
+    """Names of the shape parameters that belong to the surroundings or to the course of an experiment, such as the time
+    of a drift. On a rig with another period, their ranges are extended, not shifted (`Sizes`)."""
     becomes: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """Maps the name of a parameter to the name of another effect that this effect equals at the parameter's smallest
     value."""

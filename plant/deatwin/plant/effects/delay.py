@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil
+from operator import mul
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -99,9 +100,8 @@ class Delay(Effect):
             build.at_last(lambda reading, last: _late(reading, last, whole, share, count))
             return signal
         past = build.past_commands(count)
-        after, before = past[0], past[1]
-        for number, (later, earlier) in enumerate(pairwise(past)):
-            after, before = (ca.if_else(whole == number, new, old) for new, old in ((later, after), (earlier, before)))
+        at = [whole == number for number in range(len(past) - 1)]
+        after, before = (sum(map(mul, at, acted)) for acted in (past[:-1], past[1:]))
         if build.signal("follows_at_once", otherwise=False):
             acting = after + share * (before - after)
         else:

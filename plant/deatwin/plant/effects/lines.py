@@ -9,6 +9,7 @@ import numpy as np
 NEIGHBOURS = 101
 """Number of spectral bins above whose median a line must stand out: 25 times the resolution of the record, because the
 spectrum is computed on a grid four times finer."""
+HIGHEST = 0.48  # Highest frequency of a peak, as a share of the sampling rate: just below the half
 CYCLES = 60  # Number of periods tried for a slow cycle, evenly spaced in their logarithm
 
 
@@ -75,13 +76,15 @@ def slow_cycles(
 def spectral_peaks(
     timepts: np.ndarray, residual: np.ndarray, band: tuple[float, float], count: int = 4
 ) -> tuple[float, ...]:
-    """Return peaks of Welch's spectrum in a `band`, Hz, highest first; none for fewer than 64 samples."""
+    """Return peaks of Welch's spectrum in a `band`, Hz, highest first; none above half the sampling rate, and none for
+    fewer than 64 samples."""
     from scipy.signal import find_peaks, welch
 
     if residual.size < 64:
         return ()
-    frequencies, power = welch(residual, fs=1 / _sample_time(timepts), nperseg=min(256, residual.size))
-    inside = (frequencies >= band[0]) & (frequencies <= band[1])
+    rate = 1 / _sample_time(timepts)
+    frequencies, power = welch(residual, fs=rate, nperseg=min(256, residual.size))
+    inside = (frequencies >= band[0]) & (frequencies <= min(band[1], HIGHEST * rate))
     peaks, seen = find_peaks(np.log(np.maximum(power[inside], 1e-300)), prominence=0.0)
     best = peaks[np.argsort(-seen["prominences"], kind="stable")][:count]
     return tuple(float(f) for f in frequencies[inside][best])

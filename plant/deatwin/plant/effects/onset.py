@@ -8,7 +8,9 @@ LATEST = 3e4  # Latest time of an event on the clock of the recordings, s: a day
 APART = 0.02  # Least distance between two candidates, as a share of the number of samples
 
 
-def steps_of(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[tuple[float, float], ...]:
+def steps_of(
+    timepts: np.ndarray, residual: np.ndarray, count: int = 3, latest: float = LATEST
+) -> tuple[tuple[float, float], ...]:
     """Return times of steps that would explain most of a residual (n,) (Hinkley, Biometrika 57 (1970) 1)."""
     n = residual.size
     if n < 2:
@@ -26,4 +28,4 @@ def steps_of(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple
         if is_peak and all(abs(k - other) > apart for other in found):
             found.append(int(k))
     steps = ((float(timepts[k] + timepts[k + 1]) / 2, float(heights[k])) for k in found)
-    return tuple((time, height) for time, height in steps if 0.0 < time < LATEST)
+    return tuple((time, height) for time, height in steps if 0.0 < time < latest)

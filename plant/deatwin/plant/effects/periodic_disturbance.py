@@ -68,6 +68,7 @@ class PeriodicDisturbance(Effect):
     place: ClassVar[Place] = Place.SENSOR
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "amplitude"
+    surroundings: ClassVar[frozenset[str]] = frozenset({"frequency"})
     order: ClassVar[int] = -1
     """The tone is added after `sensor_curvature`, which acts on the motion alone, and before `sensor_lag` and
     `sensor_saturation`."""

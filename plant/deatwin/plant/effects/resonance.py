@@ -27,8 +27,9 @@ class Resonance(Effect):
     to 0.1. Signature: the frequency response has a narrow peak next to a dip. A voltage lowers the ball's natural
     frequency, which is 16 Hz at 0 V, but shifts peak and dip only little. The peak appears only if the command excites
     it, whereas a `periodic_disturbance` appears without excitation. At frequencies far below f, the effect equals that
-    of an added mass. At 50 samples a second, modes above 25 Hz appear at an alias frequency; therefore the range of f
-    ends at 24 Hz. The effect is off at :math:`m_2 = 0`.
+    of an added mass. Modes above half the sampling rate appear at an alias frequency. The usual range of f ends at 24
+    Hz, just below half of 50 samples a second; with faster sampling, modes up to half the sampling rate are looked for.
+    The effect is off at :math:`m_2 = 0`.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ class Resonance(Effect):
     """
 
     mass: float = field(default=0.2e-3, metadata=ranged("kg", 0.0, 0.02))
-    frequency: float = field(default=8.0, metadata=ranged("Hz", 1.0, 24.0, scale=Scale.LOGARITHMIC))
+    frequency: float = field(default=8.0, metadata=ranged("Hz", 1.0, 24.0, widest=1e3, scale=Scale.LOGARITHMIC))
     damping_ratio: float = field(default=0.03, metadata=ranged("1", 1e-3, 0.7, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "resonance"
@@ -68,5 +69,5 @@ class Resonance(Effect):
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
         """Return up to four copies of this effect at peaks of the spectrum of `residual` (SI) over `timepts` (s)."""
         known = self.described("frequency")
-        peaks = spectral_peaks(timepts, residual, (known.lower, known.upper), count=4)
+        peaks = spectral_peaks(timepts, residual, (known.lower, known.widest or known.upper), count=4)
         return tuple(replace(self, frequency=f) for f in peaks)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, ClassVar
 
 import casadi as ca
+import numpy as np
 
 from deatwin.plant.effects.base import Alone, Builder, Effect, Family, Place, Site, ranged
 from deatwin.plant.parameters import Parameter, Scale
@@ -67,6 +68,7 @@ class SensorDrift(Effect):
     place: ClassVar[Place] = Place.SENSOR
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "change"
+    surroundings: ClassVar[frozenset[str]] = frozenset({"time"})
     order: ClassVar[int] = 10
     """After `sensor_curvature`: the drift is added to the output of the sensor's curve."""
     places: ClassVar[Mapping[str, Site]] = MappingProxyType(
@@ -84,3 +86,13 @@ class SensorDrift(Effect):
         elapsed = ca.fmax(build.time, 0.0)
         change = self.own("change", build) * (1 - ca.exp(-elapsed / self.own("time", build)))
         return signal * (1 + change) if self.placed_at.endswith("gain") else signal + change
+
+    def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
+        """Return up to three such effects, with times from a sixteenth of the span of `timepts` (s) to four spans.
+
+        `residual` has no influence.
+        """
+        known = self.described("time")
+        # A much faster drift is over at once; a much slower one is a straight line.
+        times = float(np.ptp(timepts)) * np.geomspace(1 / 16, 4.0, 3)
+        return tuple(replace(self, time=float(t)) for t in np.unique(np.clip(times, known.lower, known.upper)))

@@ -42,6 +42,7 @@ class SensorJump(Effect):
     order: ClassVar[int] = 10
     """After `sensor_curvature`: the jump is added to the output of the sensor's curve."""
     event: ClassVar[str] = "at"
+    surroundings: ClassVar[frozenset[str]] = frozenset({"at"})
     wording: ClassVar[str] = "At {at} the sensor's zero jumps by {change}"
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
@@ -49,8 +50,8 @@ class SensorJump(Effect):
         return signal + self.own("change", build) * smooth_step((build.time - self.own("at", build)) / width)
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        limit = 2e-3
+        change, at = self.described("change"), self.described("at")
         return tuple(
-            replace(self, at=time, change=float(np.clip(height, -limit, limit)))
-            for time, height in steps_of(timepts, residual)
+            replace(self, at=time, change=float(np.clip(height, change.lower, change.upper)))
+            for time, height in steps_of(timepts, residual, latest=at.upper)
         )

@@ -39,7 +39,8 @@ class Sizes:
     The typical values and ranges in the catalogue hold for the default `Diaphragm`, a film that carries a ball. On a
     plant with other sizes and units, such as an electric circuit, an effect has the same equation with scaled values.
     The unit of a value determines the factor: a stiffness in N/m, for example, is multiplied by the ratio of this
-    plant's typical force to that of the diaphragm, and divided by the corresponding ratio of displacements.
+    plant's typical force to that of the diaphragm, and divided by the corresponding ratio of displacements. Surroundings
+    do not follow a plant's period, so the ranges of times such as that of a drift also keep their ends in the catalogue.
 
     Parameters
     ----------
@@ -153,6 +154,8 @@ class _Similar(Effect):
             ratio, unit = self.sizes._ratio(p.unit, self)
             widest = None if p.widest is None else p.widest * ratio
             value, lower, upper = getattr(self, p.name), p.lower * ratio, p.upper * ratio
+            if p.name in self.surroundings:  # they change as slowly or fast beside a slower or faster rig
+                lower, upper = min(lower, p.lower), max(upper, p.upper)
             own.append(replace(p, value=value, lower=lower, upper=upper, unit=unit, widest=widest))
         return tuple(own)
 
@@ -160,13 +163,6 @@ class _Similar(Effect):
         ratio = self.sizes._ratio(SIGNALS[self.signal], self)[0]
         view: Any = _View(build, self)
         return ratio * self.original.rewrite(self, signal / ratio, view)
-
-    def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        usual = {p.name: getattr(self, p.name) / self.sizes._ratio(p.unit, self)[0] for p in self.original().describe()}
-        found = self.original(**usual).starts(
-            timepts / self.sizes._ratio("s", self)[0], residual / self.sizes._ratio("m", self)[0]
-        )
-        return tuple(self.sizes.of(effect) for effect in found)
 
     def placed(self, at: str) -> Effect:
         here = self.original()

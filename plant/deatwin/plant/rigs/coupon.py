@@ -80,10 +80,12 @@ class Coupon(Rig):
 
     @classmethod
     def from_rig_file(cls, described: RigFile) -> Self:
-        """Make the strip `described` by a rig file, with the same relative model error as the default strip."""
+        """Make the strip `described` by a rig file, with the relative model error of the default strip if it states none."""
         names = {field.name for field in fields(cls)}
         shared = {name: value for name, value in described.shared.items() if name in names}
         rig = cls(**{**shared, **described.film})
+        if "model_error" in shared:
+            return rig
         usual = cls()
         force = rig.width * rig.thickness * rig.substance.shear_modulus
         return replace(

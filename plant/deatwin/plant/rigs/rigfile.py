@@ -47,11 +47,12 @@ class DriveSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSpec:
-    """Sample rate in Hz, rms noise and resolution in m, meaning of zero, direction, and time of reading."""
+    """Sample rate in Hz, rms noise, resolution and model error in m, meaning of zero, direction, and time of reading."""
 
     sample_rate: float
     noise: float
     resolution: float = 0.0
+    model_error: float | None = None
     zero_is_known: bool = True
     direction: str = next(iter(DIRECTIONS))
     reading: str = ReadingTime.END_OF_HOLD.value
@@ -106,6 +107,7 @@ class RigFile:
             "further": self.readings,
             "supply": drive.supply,
             "noise": float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),
+            **({} if sensor.model_error is None else {"model_error": sensor.model_error}),
         }
 
     @property

@@ -111,6 +111,9 @@ HIGHEST_FILM_VOLTAGE = 30e3  # V; no amplifier for these actuators gives more
 
 _CURRENTS = (2.0, 1e6)  # µA
 _RESOLVED = (5e-3, 300.0)  # µm
+_EQUATIONS = (
+    "rms error of the readings that simplified equations leave after a calibration; that of the kind if left out"
+)
 Keys = Mapping[str, NumberKey | TextKey]
 MATERIAL = TextKey(
     field="material",
@@ -230,6 +233,9 @@ SENSOR: Keys = {
         slips=_UM,
         about="0 if left out",
     ),
+    "model_error_um": NumberKey(
+        field="model_error", lower=0.0, upper=1e4, per_si=1e6, required=False, slips=_UM, about=_EQUATIONS
+    ),
     "zero": TextKey(
         field="zero",
         choices=("displacement at zero volts", "arbitrary"),
@@ -269,6 +275,9 @@ LOAD_CELL: Keys = {
         usual=(1e-3, 1e3),
         slips=_MN,
         about="0 if left out",
+    ),
+    "model_error_mN": NumberKey(
+        field="model_error", lower=0.0, upper=1e6, per_si=1e3, required=False, slips=_MN, about=_EQUATIONS
     ),
 }
 

@@ -62,6 +62,8 @@ _EXAMPLES: Mapping[str, float | str] = {
     "noise_mN": 1.0,
     "resolution_mN": 0.1,
     "resolution_um": 0.5,
+    "model_error_um": 5.0,
+    "model_error_mN": 0.5,
     "zero": "displacement at zero volts",
     "direction": "along the motion",
     "reading": "end of hold",

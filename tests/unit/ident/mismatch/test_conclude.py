@@ -9,7 +9,16 @@ import pytest
 from deatwin.ident.greybox import Part
 from deatwin.ident.mismatch import Verdict, conclude
 from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
-from deatwin.plant import Creep, Diaphragm, Experiment, Hysteresis, Plant, Recording, SensorDrift, SensorJump
+from deatwin.plant import (
+    Creep,
+    Diaphragm,
+    Experiment,
+    Hysteresis,
+    Plant,
+    Recording,
+    SensorDrift,
+    SensorJump,
+)
 from deatwin.plant.effects.catalogue import effect_named
 
 

@@ -7,6 +7,8 @@ from runs import readings
 from deatwin.plant import Coupon, Plant
 from deatwin.plant.effects.lines import slow_cycles, spectral_peaks, tone_at, tones
 from deatwin.plant.effects.periodic_disturbance import PeriodicDisturbance
+from deatwin.plant.effects.resonance import Resonance
+from deatwin.plant.effects.sizes import Sizes
 
 SAMPLE = 0.02
 
@@ -67,6 +69,18 @@ def test_peaks_lie_in_the_band():
     found = spectral_peaks(times, values, (1.0, 24.0))
     assert found[0] == pytest.approx(7.0, abs=0.2)
     assert all(1.0 <= f <= 24.0 for f in found)
+
+
+def test_a_second_mode_is_looked_for_up_to_half_the_sampling_rate():
+    """A payload at 140 Hz on a stage that is sampled at 2 kHz; at 50 samples a second, nothing above 25 Hz is seen."""
+    rng = np.random.default_rng(1)
+    times = 5e-4 * np.arange(8000)
+    values = rng.standard_normal(8000) + np.cos(2 * np.pi * 140.0 * times)
+    for mode in (Resonance(), Sizes(period=0.04).of(Resonance())):
+        found = [(e.frequency, e.described("frequency")) for e in mode.starts(times, values)]
+        assert found[0][0] == pytest.approx(140.0, abs=4.0)
+        assert all(known.lower <= value <= min(known.upper, 1000.0) for value, known in found)
+        assert all(e.frequency < 25.0 for e in mode.starts(SAMPLE * np.arange(8000), values))
 
 
 @pytest.mark.parametrize("frequency", [0.37, 50.03])

@@ -20,6 +20,7 @@ from deatwin.plant import (
     Parameter,
     Plant,
     catalogue,
+    effect_named,
 )
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
@@ -157,6 +158,33 @@ def test_starts_are_looked_for_in_the_time_of_the_plant() -> None:
     tone = next(e for e in catalogue() if e.name == "periodic_disturbance")
     found = LARGE.of(tone).starts(timepts, 0.8 * np.cos(2 * np.pi * 1.7 * timepts))
     assert any(abs(e.frequency - 1.7) < 1e-3 for e in found)
+
+
+@pytest.mark.parametrize("period", [300.0, 6e-4], ids=["bath", "piezo"])
+@pytest.mark.parametrize(
+    ("name", "shape", "value"),
+    [("sensor_drift", "time", 9e3), ("sensor_jump", "at", 2e4), ("periodic_disturbance", "frequency", 1 / 7200)],
+)
+def test_surroundings_do_not_follow_the_period_of_a_rig(name: str, shape: str, value: float, period: float) -> None:
+    # A sensor warms up in hours, and a thermostat cycles in two, beside a slow bath as well as beside a piezo stage.
+    effect = effect_named(name)
+    usual, here = effect.described(shape), Sizes(period=period).of(replace(effect, **{shape: value})).described(shape)
+    assert here.lower <= usual.lower < usual.upper <= here.upper
+    assert replace(Sizes(period=period).of(effect), **{shape: value}).described(shape).value == value
+
+
+def test_a_drift_starts_at_times_that_its_recording_shows() -> None:
+    timepts = 30.0 * np.arange(3000)
+    times = [e.time for e in Sizes(period=300.0).of(effect_named("sensor_drift")).starts(timepts, np.zeros(3000))]
+    assert min(times) < 0.1 * np.ptp(timepts) < np.ptp(timepts) < max(times) < 10 * np.ptp(timepts)
+
+
+def test_a_jump_is_looked_for_at_the_clock_of_a_fast_rig() -> None:
+    # Half an hour after the first of several short recordings, three million periods of 0.6 ms.
+    timepts = 1800.0 + 2e-4 * np.arange(1000)
+    found = Sizes(period=6e-4).of(effect_named("sensor_jump")).starts(timepts, 1e-5 * (np.arange(1000) >= 400))
+    assert found[0].at == pytest.approx(1800.0 + 2e-4 * 399.5)
+    assert found[0].change == pytest.approx(1e-5)
 
 
 def test_a_rig_offers_the_catalogue_at_its_sizes() -> None:

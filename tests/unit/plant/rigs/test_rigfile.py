@@ -44,6 +44,33 @@ def test_some_keys_may_be_left_out(tmp_path: Path, text: str, expected: tuple[ob
     assert found == expected
 
 
+STRIP = """kind = "coupon"
+[film]
+material = "Elastosil 2030"
+thickness_mm = 0.2
+width_mm = 10.0
+length_mm = 60.0
+[drive]
+[sensor]
+sample_rate_Hz = 20.0
+noise_mN = 2.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "noise", "stated", "expected"),
+    [(RIG, "noise_um = 2.0", "model_error_um = 7.0", 7e-6), (STRIP, "noise_mN = 2.0", "model_error_mN = 7.0", 7e-3)],
+    ids=["displacement", "force"],
+)
+def test_the_model_error_of_a_rig_may_be_stated(
+    tmp_path: Path, text: str, noise: str, stated: str, expected: float
+) -> None:
+    for said in (text, text.replace(noise, f"{noise}\n{stated}")):
+        (tmp_path / "rig.toml").write_text(said, encoding="utf-8")
+        error = load_plant(tmp_path / "rig.toml").plant.rig.model_error
+        assert (error == pytest.approx(expected)) is (said is not text)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

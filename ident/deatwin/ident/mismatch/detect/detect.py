@@ -27,7 +27,8 @@ from deatwin.ident.mismatch.result import Statistic
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.thresholds import ACCURACY
 from deatwin.plant.arrays import root_mean_square
-from deatwin.plant.effects.delay import Delay
+from deatwin.plant.effects.delay import USUAL, Delay
+from deatwin.plant.effects.sizes import PERIOD, Sizes
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.naming.candidate import Candidate
@@ -128,7 +129,11 @@ def _answering_late(base: Candidate, problem: DiagnosisProblem, size: float) -> 
     if size > np.hypot(moved, practical_size(base.noise, fit.plant.rig.model_error)):
         return None
     longest = LATEST * problem.nominal.rig.sample_time
-    late = finish(roughly(fit.plant.with_effects(Delay(time=longest / 2)), problem.everything), problem.everything)
+    # The range of a dead time in the catalogue may be many samples, each of which enlarges the equations. Here it ends at
+    # twice the longest time, and the fit starts at a quarter of it.
+    sizes = replace(problem.nominal.rig.sizes or Sizes(), period=PERIOD * 2 * longest / USUAL)
+    short_delay = sizes.of(Delay(time=USUAL / 4))
+    late = finish(roughly(fit.plant.with_effects(short_delay), problem.everything), problem.everything)
     short = late.status.ok and late.plant.parameters["delay.time"].value <= longest
     return late if short and _leaves_nothing(late, base, problem) else None
 
