@@ -100,8 +100,8 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
     """Return, for each single effect, the others that make the likeliest pairs with it, to first order."""
     # A biased base fit hides the effect that it imitates, as a biased damping hides a lag. So an effect also gains the
-    # nats by which it brings the rig's parameters nearer to their nominal values. Predictions to first order are reliable
-    # only near a good fit, so second effects are sought beside few single ones.
+    # nats by which it brings the rig's parameters nearer to their nominal values, unless the first effect has done so.
+    # Predictions to first order are reliable only near a good fit, so second effects are sought beside few single ones.
     alone = _single_effects(search)
     weights = {c.effects: scale.weight(c) for c in alone}
     highest, tried = max(weights.values(), default=0.0), {frozenset(names) for names in search.tried}
@@ -110,7 +110,7 @@ def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
     alone = sorted(alone, key=lambda c: -weights[c.effects])[:FEW]
     promised = sorted(
         (
-            (weights[c.effects] + odds + relief.get(other, 0.0) - highest, c.effects, other)
+            (weights[c.effects] + odds + min(relief.get(other, 0.0), scale.biased(c)) - highest, c.effects, other)
             for c in alone
             for other, odds in scale.promises(c, search.known(c.effects)).items()
         ),

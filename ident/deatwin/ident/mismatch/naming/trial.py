@@ -231,8 +231,8 @@ def _finished(problem: DiagnosisProblem, fit: Calibration, noise: float) -> Cali
 
 
 def _followed(fit: Calibration, problem: DiagnosisProblem, noise: float) -> Calibration:
-    """Fit again with more steps per sample if noise and model error do not hide the error of integration."""
-    hidden = float(np.sqrt(PRACTICAL_SHARE) * np.hypot(noise, fit.plant.rig.model_error))
+    """Fit again with more steps per sample if noise does not hide the error of integration."""
+    hidden = float(np.sqrt(PRACTICAL_SHARE)) * noise
     plant, _ = followed_plant(fit.plant, [part.experiment for part in problem.fitted], hidden)
     if plant is fit.plant:
         return fit
