@@ -127,7 +127,7 @@ def test_responses_are_simulated_once_except_those_of_what_is_sought_in_the_resi
     monkeypatch.setattr(module, "linearised_responses", responses)
     known = {}
     first = siblings(problem, fit, ("sensor_lag",), [Delay(), SensorJump()], known)
-    again = siblings(problem, fit, ("sensor_lag",), [Delay(), SensorJump(), SensorDrift()], known)
-    assert asked == [["delay", "sensor_jump"], ["sensor_jump", "sensor_drift"]]
+    again = siblings(problem, fit, ("sensor_lag",), [Delay(), SensorJump(), SensorCurvature()], known)
+    assert asked == [["delay", "sensor_jump"], ["sensor_jump", "sensor_curvature"]]
     assert [lead.estimate for lead in again] == [lead.estimate for lead in first]
-    assert set(known) == {"delay", "sensor_drift"}
+    assert set(known) == {"delay", "sensor_curvature"}
