@@ -65,7 +65,7 @@ def test_a_file_keeps_every_field_and_follows_its_schema(name, tmp_path):
         (FULL, lambda d: d.update(sample_time_s=-1), "sample_time"),
         (LINEAR, lambda d: d.pop("b"), "key 'b' is missing"),
         (LINEAR, lambda d: d.update(a=[2.0]), "must begin with 1"),
-        (LINEAR, lambda d: d.update(b="x"), "not a valid"),
+        (LINEAR, lambda d: d.update(b="x"), "b\\[0\\] must be real numbers"),
         (LINEAR, lambda d: d.update(theta_cov=[[1.0]]), "theta_cov"),
         (LINEAR, lambda d: d.update(schema="deatwin/narx/1"), "schema"),
     ],
