@@ -20,7 +20,7 @@ class Rebuilt:
 
 
 class Frozen(Rebuilt):
-    """Base of frozen dataclasses whose constructor makes their arrays and mappings read-only, also those in tuples."""
+    """Base of frozen dataclasses whose constructor makes their arrays read-only, also those in tuples and mappings."""
 
     def __post_init__(self) -> None:
         for name, value in list(vars(self).items()):
@@ -28,13 +28,13 @@ class Frozen(Rebuilt):
 
 
 def _frozen(value: Any) -> Any:
-    """Return a value whose arrays and mappings nobody can change."""
+    """Return a value whose arrays nobody can change; of a mapping, a copy that no caller holds."""
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif type(value) is tuple:
         return tuple(map(_frozen, value))
     elif isinstance(value, dict):
-        return MappingProxyType({key: _frozen(held) for key, held in value.items()})
+        return {key: _frozen(held) for key, held in value.items()}  # no proxy, which JSON and `asdict` refuse
     return value
 
 

@@ -80,8 +80,9 @@ class Plant:
         effects = require_effects(self.effects)
         for name in ("stages", "steps"):
             count = getattr(self, name)
-            if not isinstance(count, int) or count < 1:
+            if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
                 raise RigError(f"{name} is {count!r}: it must be a whole number, at least 1")
+            object.__setattr__(self, name, int(count))
         # Sorted, so that effects given in any order make the same plant.
         object.__setattr__(self, "effects", tuple(sorted(effects, key=lambda e: e.name)))
         for one, other in pairwise(self.effects):

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -108,7 +107,7 @@ class Recording(Rebuilt):
         extra_units = {name: self.extra_units.get(name, usual_unit(name)) for name in extras}
         _require_texts("the units of extra channels", tuple(extra_units.values()))
         for what, mapping in (("extras", extras), ("extra_units", extra_units), ("provenance", self.provenance)):
-            object.__setattr__(self, what, MappingProxyType(dict(mapping)))
+            object.__setattr__(self, what, dict(mapping))
 
     @classmethod
     def from_arrays(

@@ -66,8 +66,15 @@ def followed_plant(plant: Plant, experiments: Sequence[Experiment], hidden: floa
     if not (fast or plant.effects):
         return plant, 0.0
     tried = [plant, *_finer(plant, MORE if fast and plant.equations.shifts else 0)]
+
+    def finest() -> np.ndarray | None:
+        finer = _exact(tried[-1], modes)
+        found = _readings(finer, experiments)
+        # More stages may not be solvable where friction is abrupt.
+        return _readings(replace(finer, stages=plant.stages), experiments) if found is None else found
+
     # Two numbers of steps agree only if no mode is too fast for both of them.
-    exact = _readings(_exact(tried[-1], modes) if fast else tried[min(1, len(tried) - 1)], experiments)
+    exact = _readings(tried[1], experiments) if len(tried) > 1 and not fast else finest()
     errors: list[np.ndarray] = []
     for finer in tried:
         found = _readings(finer, experiments)
@@ -77,7 +84,7 @@ def followed_plant(plant: Plant, experiments: Sequence[Experiment], hidden: floa
         if np.sum((found - exact) ** 2) <= max(UNSEEN * noise**2, found.size * hidden**2):
             return finer, 0.0
         if not errors and not fast:  # friction reverses within samples
-            exact = _readings(_exact(tried[-1], modes), experiments)
+            exact = finest()
             if exact is None:
                 break
         errors.append(found - exact)

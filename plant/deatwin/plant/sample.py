@@ -27,13 +27,14 @@ class Sample:
         self, x: Any, z: Any, held: np.ndarray, inputs: np.ndarray, time: float
     ) -> tuple[ca.DM, ca.DM, float] | None:
         """Return states, coordinates and reading at the sample's end; None if unsolved. `x, z` (n_x,); `held`."""
-        tried = (self._in_steps(x, z, held, inputs, time, n) for n in (self.steps, *SHORTER_STEPS))
+        tried = (self._in_steps(x, z, held, inputs, time, n) for n in (1, *SHORTER_STEPS))
         return next((found for found in tried if found is not None), None)
 
     def _in_steps(
         self, x: Any, z: Any, held: np.ndarray, inputs: np.ndarray, time: float, number: int
     ) -> tuple[ca.DM, ca.DM, float] | None:
-        """Solve the sample in several steps; None if one cannot be solved."""
+        """Solve the sample, with each of its steps in a `number` of shorter ones; None if one cannot be solved."""
+        number *= self.steps
         width, level = self.sample_time / number, ca.DM(np.nan)
         for count in range(number):
             begin = time + width * count

@@ -98,6 +98,7 @@ class Simulator:
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
+        self._in_steps: dict[int, Simulator] = {}
         origin = [equations.dynamics, equations.mass, equations.output, equations.watched]
         origin += [equations.further] if equations.further is not None else []
         key = key_of(origin, np.append(equations.scale, equations.stages))
@@ -112,16 +113,18 @@ class Simulator:
     def resting(self, channels: Mapping[str, float]) -> Simulator:
         """Return the simulator with other values of further inputs at rest, by name."""
         other = copy(self)
-        other.equations = replace(self.equations, channels={**self.equations.channels, **channels})
+        other.equations, other._in_steps = replace(self.equations, channels={**self.equations.channels, **channels}), {}
         return other
 
     def in_steps(self, count: int) -> Simulator:
         """Return the simulator that takes each sample in several steps, under the same inputs."""
         if count == self.steps:
             return self
-        other = copy(self)
-        other.steps = count
-        return other
+        if count not in self._in_steps:  # which then keeps its own compiled step
+            other = copy(self)
+            other.steps, other._in_steps = count, {}
+            self._in_steps[count] = other
+        return self._in_steps[count]
 
     @cached_property
     def _single(self) -> StepFunctions:

@@ -171,3 +171,11 @@ def test_a_range_of_the_diaphragm_is_told_to_whoever_has_another_rig():
     assert Plant(rig=BlockedPlanar(), effects=(scaled,)).parameters["sensor_drift.change"].unit == "N"
     with pytest.raises(RigError, match=r"^parameter change = 0\.1 m is out of range: allowed is -0\.002 to 0\.002 m$"):
         Plant(rig=Diaphragm(), effects=(SensorDrift(change=0.1),))
+
+
+@pytest.mark.parametrize("count", [0, -1, 2.5, True, "2", None])
+@pytest.mark.parametrize("name", ["stages", "steps"])
+def test_stages_and_steps_are_whole_numbers(name, count):
+    with pytest.raises(RigError, match=rf"{name} is {count!r}: it must be a whole number, at least 1"):
+        Plant(rig=Diaphragm(), **{name: count})
+    assert getattr(Plant(rig=Diaphragm(), **{name: np.int64(2)}), name) == 2

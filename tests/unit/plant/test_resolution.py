@@ -96,6 +96,10 @@ def test_friction_that_reverses_within_a_sample_is_followed(experiment) -> None:
     assert followed.steps == 8 and errors[1] < errors[0] / 4
     assert followed_plant(sliding, [held], hidden=4.0 * float(errors[0])) == (sliding, 0.0)
     assert resolved(free, [held]) is free
+    _, told = followed_plant(replace(sliding, steps=8), [held])
+    assert told == pytest.approx(followed_plant(sliding, [held])[1], rel=0.5)
+    late = sliding.with_effects(Delay(time=0.0137).placed("reading"))
+    assert followed_plant(late, [held])[0].steps > 1
 
 
 def test_a_slow_plant_keeps_its_steps(oscillator, experiment) -> None:

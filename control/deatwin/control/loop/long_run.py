@@ -51,6 +51,8 @@ class LongRun:
 
     def _ends(self, inputs: Array) -> Array | None:
         """Return the readings at the end of each sample; None if one cannot be solved."""
-        pieces = marched(self._march, 2, inputs, self._time, self._sample.sample_time)
+        steps = self._sample.steps
+        parts = np.repeat(inputs, steps, axis=1)
+        pieces = marched(self._march, 2, parts, self._time, self._sample.sample_time / steps)
         found = np.concatenate([np.empty(0), *(levels[:, 0] for *_, levels, _ in pieces)])
-        return found if found.size == inputs.shape[1] else None
+        return found[steps - 1 :: steps] if found.size == parts.shape[1] else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
-from deatwin.plant.resolution import followed_plant
+from deatwin.plant.resolution import followed_plant, solved_like
 
 FAILED_SEARCH = 1.02
 """Ratio of the rms residual to its prediction above which a fit has failed to find the minimum."""
@@ -139,10 +139,10 @@ def _told(judged: Sequence[Candidate | None], fitted: Fitted | None) -> list[Can
 
 
 def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
-    """Return the nominal plant with another plant's effects, their values, and the steps that these need."""
+    """Return the nominal plant with another plant's effects, their values, and the stages and steps that these need."""
     added = [effect for effect in fitted.effects if effect.name not in nominal.effect_names]
     own = {p.name: fitted.parameters[p.name].value for effect in added for p in effect.parameters}
-    return replace(nominal.with_effects(*added).with_values(own), steps=fitted.steps)
+    return solved_like(nominal.with_effects(*added).with_values(own), fitted)
 
 
 def unbiased_like(problem: DiagnosisProblem, fitted: Plant) -> Plant:
@@ -233,7 +233,7 @@ def _finished(problem: DiagnosisProblem, fit: Calibration, noise: float) -> Cali
 def _followed(fit: Calibration, problem: DiagnosisProblem, noise: float) -> Calibration:
     """Fit again with more steps per sample if noise does not hide the error of integration."""
     hidden = float(np.sqrt(PRACTICAL_SHARE)) * noise
-    plant, _ = followed_plant(fit.plant, [part.experiment for part in problem.fitted], hidden)
+    plant, _ = followed_plant(fit.plant, [part.experiment for part in problem.of_first.fitted], hidden)
     if plant is fit.plant:
         return fit
     again = descend(plant, problem.fitted, tolerance=NEGLIGIBLE)

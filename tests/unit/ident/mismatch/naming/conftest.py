@@ -32,7 +32,7 @@ FITTED = (
 class Built(SimpleNamespace):
     """A plant of which a search knows the names of its effects."""
 
-    steps = 1
+    stages, steps = 4, 1
 
     def lacks(self, effect: Effect) -> bool:
         return effect.name not in self.effect_names
@@ -42,6 +42,7 @@ class Built(SimpleNamespace):
 class Nominal:
     """A plant that stays what it is in any form and with any effects."""
 
+    stages: int = 4
     steps: int = 1
     effect_names = ()
 

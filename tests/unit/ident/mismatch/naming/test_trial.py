@@ -231,7 +231,7 @@ def test_a_fit_of_friction_is_completed_with_as_many_steps_as_it_needs():
     commands = np.repeat([0.0, 12.0, 4.0, 10.0, -6.0, 3.0], 20)
     recording = Recording(inputs=commands[None], outputs=np.zeros((1, commands.size)), sample_time=0.02)
     made = parts_of([replace(plant, steps=64).record(recording, np.random.default_rng(0))], plant.rig)
-    problem = SimpleNamespace(fitted=made, everything=made)
+    problem = SimpleNamespace(fitted=made, everything=made, of_first=SimpleNamespace(fitted=made))
     coarse = descend(plant, problem.fitted)
     completed = trial._finished(problem, coarse, plant.rig.noise)
     assert coarse.plant.steps == 1 < completed.plant.steps
