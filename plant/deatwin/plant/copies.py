@@ -14,9 +14,10 @@ class Rebuilt:
     """Base of dataclasses whose copies, also those in other processes, come from the constructor and keep its rules."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Cached values need not be copied.
-        state = {item.name: _thawed(getattr(self, item.name)) for item in fields(self) if item.init}  # type: ignore[arg-type]
-        return partial(type(self), **state), ()
+        # Mapping proxies cannot be pickled, and cached values need not be.
+        state = {item.name: getattr(self, item.name) for item in fields(self) if item.init}  # type: ignore[arg-type]
+        plain = {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in state.items()}
+        return partial(type(self), **plain), ()
 
 
 class Frozen(Rebuilt):
@@ -35,13 +36,4 @@ def _frozen(value: Any) -> Any:
         return tuple(map(_frozen, value))
     elif isinstance(value, dict):
         return {key: _frozen(held) for key, held in value.items()}  # no proxy, which JSON and `asdict` refuse
-    return value
-
-
-def _thawed(value: Any) -> Any:
-    """Return a value with dicts in place of mapping proxies, which cannot be pickled."""
-    if type(value) is tuple:
-        return tuple(map(_thawed, value))
-    if isinstance(value, MappingProxyType):
-        return {key: _thawed(held) for key, held in value.items()}
     return value
