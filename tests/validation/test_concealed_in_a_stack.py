@@ -1,6 +1,6 @@
 """Effects concealed in a stack of films, a hundred times as stiff as a diaphragm, in recordings of another integrator.
 
-The energy of a neo-Hookean film and the field in it give the forces; semi-implicit Euler steps of 0.1 ms give the motion.
+The energy of a neo-Hookean film and the field in it give the forces; semi-implicit Euler steps of 10 µs give the motion.
 The stack rings at about 160 Hz, above the sampling rate of 100 Hz. No equation of the plants is used.
 """
 
@@ -14,7 +14,7 @@ from deatwin.plant import Material, Parameter, Plant, Recording, Scale, Stack
 from deatwin.plant.laws import VACUUM_PERMITTIVITY, neo_hookean
 
 LAYERS, THICKNESS, AREA, LOAD, MASS, DAMPING = 80, 80e-6, 3e-4, 0.4, 40e-3, 30.0
-LENGTH, HIGHEST, SAMPLE_TIME, SUBSTEPS, SAMPLES = LAYERS * THICKNESS, 3360.0, 0.01, 100, 10_000
+LENGTH, HIGHEST, SAMPLE_TIME, SUBSTEPS, SAMPLES = LAYERS * THICKNESS, 3360.0, 0.01, 1000, 10_000
 MODULUS, PERMITTIVITY = 300e3, 2.8
 NOISE = 1.5e-3
 """Of the readings, relative to the stroke."""

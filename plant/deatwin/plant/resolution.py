@@ -23,6 +23,7 @@ from deatwin.plant.simulation import Simulation
 logger = logging.getLogger(__name__)
 
 SLOW = 1e-5  # Error of a mode after one sample, relative to its amplitude, below which no reading is compared
+STEPS = (2, 4, 8, 16, 32)  # Numbers of steps per sample that are tried
 FINER, FINEST = 16, 64  # Least and largest number of steps per sample of the simulation that readings are compared with
 EXACT = 1e-3  # Error of a mode in that simulation, relative to its amplitude, above which it takes more steps
 MORE, MOST = 2, 9
@@ -66,25 +67,33 @@ def followed_plant(plant: Plant, experiments: Sequence[Experiment], hidden: floa
     if not (fast or plant.effects):
         return plant, 0.0
     tried = [plant, *_finer(plant, MORE if fast and plant.equations.shifts else 0)]
+    known: dict[tuple[int, int], np.ndarray | None] = {}
 
-    def finest() -> np.ndarray | None:
-        finer = _exact(tried[-1], modes)
-        found = _readings(finer, experiments)
+    def readings(finer: Plant) -> np.ndarray | None:
+        key = finer.stages, finer.steps
+        if key not in known:
+            known[key] = _readings(finer, experiments)
+        return known[key]
+
+    def exact_beside(finer: Plant) -> np.ndarray | None:
+        finest = replace(_exact(finer, modes), stages=tried[-1].stages)
+        found = readings(finest)
         # More stages may not be solvable where friction is abrupt.
-        return _readings(replace(finer, stages=plant.stages), experiments) if found is None else found
+        return readings(replace(finest, stages=plant.stages)) if found is None else found
 
-    # Two numbers of steps agree only if no mode is too fast for both of them.
-    exact = _readings(tried[1], experiments) if len(tried) > 1 and not fast else finest()
     errors: list[np.ndarray] = []
     for finer in tried:
-        found = _readings(finer, experiments)
+        found = readings(finer)
+        # Two numbers of steps agree only if no mode is too fast for both of them.
+        only_kinks = not (errors or fast or finer is tried[-1])
+        exact = readings(tried[1]) if only_kinks else exact_beside(finer)
         if exact is None or found is None:
             break
         noise = max(plant.rig.noise, FINE * float(np.ptp(exact)), np.finfo(float).tiny)
         if np.sum((found - exact) ** 2) <= max(UNSEEN * noise**2, found.size * hidden**2):
             return finer, 0.0
-        if not errors and not fast:  # friction reverses within samples
-            exact = finest()
+        if only_kinks:  # friction reverses within samples
+            exact = exact_beside(finer)
             if exact is None:
                 break
         errors.append(found - exact)
@@ -98,14 +107,14 @@ def followed_plant(plant: Plant, experiments: Sequence[Experiment], hidden: floa
 
 def _finer(plant: Plant, more: int) -> Iterator[Plant]:
     """Yield a plant with doubled numbers of steps, each time with some more stages."""
-    for steps in (2, 4, 8):
+    for steps in STEPS:
         if steps > plant.steps:
             stages = plant.stages + more * round(np.log2(steps / plant.steps))
             yield replace(plant, steps=steps, stages=max(plant.stages, min(stages, MOST)))
 
 
 def _exact(plant: Plant, modes: np.ndarray) -> Plant:
-    """Return a plant with so many steps that its readings count as exact beside those with fewer."""
+    """Return a plant with so many steps that its readings count as exact beside those of `plant`."""
     steps = max(FINER, 2 * plant.steps)
     while steps < FINEST and mode_error(modes, plant.stages, steps) > EXACT:
         steps *= 2

@@ -22,7 +22,7 @@ from deatwin.ident.mismatch.naming.places import causes_of, missing_effects, tim
 from deatwin.ident.mismatch.partly import unexplained
 from deatwin.ident.mismatch.quality.factor import factors
 from deatwin.ident.mismatch.quality.faults import faults_of
-from deatwin.ident.mismatch.refit.exchange import exchanged_lags
+from deatwin.ident.mismatch.refit.equals import exchanged_lags
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors

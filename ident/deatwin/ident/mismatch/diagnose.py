@@ -16,6 +16,7 @@ from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.discover.discover import discover
 from deatwin.ident.mismatch.excess import excess_of
 from deatwin.ident.mismatch.findings import Findings
+from deatwin.ident.mismatch.likelihood.beforehand import LEAST_ERROR
 from deatwin.ident.mismatch.locate.location import locate
 from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.naming.candidate import Candidate
@@ -32,7 +33,7 @@ from deatwin.ident.mismatch.quality.factor import require_same_scale
 from deatwin.ident.mismatch.quality.gaps import without_unknown
 from deatwin.ident.mismatch.quality.quality import DataQuality, Soundness, check_quality, confirm
 from deatwin.ident.mismatch.refit.base import Base, beside_alternatives
-from deatwin.ident.mismatch.refit.exchange import with_exchanged_lags
+from deatwin.ident.mismatch.refit.equals import with_exchanged_lags, with_nominal_start
 from deatwin.ident.mismatch.refit.restated import restated
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, quality_step
@@ -205,6 +206,8 @@ def diagnose(
     begun = last if whole is None else whole
     followed = resolved(solved_like(begun.plant, plant), checked.experiments)
     final = refit(begun.solved_like(followed), problem.everything)
+    error = max(problem.expected_error, LEAST_ERROR * answer.noise)
+    final = with_nominal_start(final, problem.nominal, problem.everything, error)
     diagnosis = conclude(
         Findings(
             problem=problem,

@@ -20,7 +20,7 @@ class CoulombFriction(Effect):
     v is the ball's velocity. The effect has one dimensionless algebraic unknown :math:`\zeta` between -1 and 1. P
     limits its argument to the range from -1 to 1, with corners rounded by w = 0.0001. While the ball slides,
     :math:`\zeta` is 1 or -1, with the sign of v. While it sticks, it creeps at :math:`v = v_s\zeta`, which is no faster
-    than :math:`v_s`. With :math:`v_s` = 50 nm/s the ball practically stands still; in a greased guide :math:`v_s` may
+    than :math:`v_s`. With :math:`v_s` = 1 nm/s the ball practically stands still; in a greased guide :math:`v_s` may
     be a millimetre per second. The numerical constant :math:`v_r = v_s + bF_c` does not change the solution. With b of
     the order of sample time divided by mass, it makes Newton's method converge. Typical: 1 to 5 % of the ball's weight,
     0.3 to 1.5 mN, which displaces a film of stiffness k by 10 to 50 µm. The default :math:`v_s` = 0.1 mm/s is a start
@@ -47,7 +47,7 @@ class CoulombFriction(Effect):
     """
 
     force: float = field(default=0.7e-3, metadata=ranged("N", 0.0, 0.02, widest=0.3))
-    slip: float = field(default=1e-4, metadata=ranged("m/s", 5e-8, 5e-3, scale=Scale.LOGARITHMIC))
+    slip: float = field(default=1e-4, metadata=ranged("m/s", 1e-9, 5e-3, scale=Scale.LOGARITHMIC))
 
     name: ClassVar[str] = "coulomb_friction"
     family: ClassVar[Family] = Family.MECHANICAL

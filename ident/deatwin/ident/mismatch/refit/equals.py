@@ -1,17 +1,62 @@
-"""Lags in series: the readings determine both time constants, but not which belongs to which lag."""
+"""Other fits that explain the recordings as well, so that the intervals must allow for them.
+
+Of two lags in series the readings determine both time constants, but not which belongs to which lag. And where friction
+reverses, the residual is rough in the parameters, so a fit may end in one of many minima along a direction that the
+readings hardly determine.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.starts import largest_alike
+from deatwin.ident.mismatch.likelihood.beforehand import departure
+from deatwin.ident.mismatch.refit.search import EVALUATIONS
+from deatwin.ident.mismatch.thresholds import ACCURACY
 from deatwin.plant.effects.base import Place
+from deatwin.plant.model import Plant
 
 _IN_SERIES = (Place.DRIVE, Place.SENSOR)
 """Places at which the whole signal passes a lag."""
+
+
+def with_nominal_start(fit: Calibration, nominal: Plant, parts: Sequence[Part], error: float) -> Calibration:
+    """Fit again from the rig's nominal values, and return the better fit.
+
+    If the rms residuals differ by less than the plant's `error`, rms, SI, both may be right. Then the readings do not
+    determine the direction from one to the other, but the nominal values do: the fit from these is returned, with the
+    variance of the nominal values in that direction.
+    """
+    stated = {p.name: p.value for p in nominal.parameters.values() if p.name in fit.names and not p.guessed}
+    if not stated or not fit.status.ok:
+        return fit
+    other = descend(fit.plant.with_values(stated), parts, evaluations=EVALUATIONS, tolerance=ACCURACY)
+    if not other.status.ok or not (_outside(other, fit) or _outside(fit, other)):
+        return fit
+    best, worse = sorted((fit, other), key=lambda one: one.rms)
+    if worse.rms > np.hypot(largest_alike(best.residuals, best.jacobian), error):
+        return best
+    values, known = other.plant.parameters, fit.plant.parameters
+    apart = [
+        known[n].scale.to_coordinate(known[n].value) - values[n].scale.to_coordinate(values[n].value) for n in fit.names
+    ]
+    away = np.hypot.reduce(
+        [departure(known[n], nominal.parameters[n]) - departure(values[n], nominal.parameters[n]) for n in stated]
+    )
+    # Beyond the other fit nothing is known of the residual.
+    direction = np.array(apart) / max(float(away), 1.0)
+    return replace(other, covariance=other.covariance + np.outer(direction, direction))
+
+
+def _outside(other: Calibration, fit: Calibration) -> list[str]:
+    """Return the parameters whose values in another fit lie outside their intervals."""
+    ends = {name: fit.interval(name) for name in fit.names}
+    return [name for name, (low, high) in ends.items() if not low <= other.plant.parameters[name].value <= high]
 
 
 def with_exchanged_lags(fit: Calibration, parts: Sequence[Part]) -> Calibration:

@@ -1,6 +1,7 @@
-"""Two first-order lags in series: any order of them gives the same readings, so each interval must hold both constants."""
+"""Fits that explain the readings as well: two lags in series in any order, and products of stated numbers."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ from scipy.signal import lfilter
 from deatwin.ident.greybox import calibrate
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part
-from deatwin.ident.mismatch.refit.exchange import exchanged_lags, with_exchanged_lags
+from deatwin.ident.mismatch.likelihood.beforehand import DATA_SHEET
+from deatwin.ident.mismatch.refit.equals import exchanged_lags, with_exchanged_lags, with_nominal_start
 from deatwin.plant import Experiment, Parameter, Plant, Recording, Scale, SensorLag, Sizes
 from deatwin.plant.foreign import ForeignRig
 
@@ -76,3 +78,56 @@ def test_exchanged_time_constants_are_in_the_intervals_and_said(first, second):
 def test_a_square_between_them_tells_which_lag_is_whose():
     fit, parts = fitted(bulb, 40.0, 120.0)
     assert with_exchanged_lags(fit, parts) is fit
+
+
+def rough(p: Mapping[str, float], inputs: Mapping[str, np.ndarray], times: np.ndarray) -> np.ndarray:
+    """The product of gain and load acts, but a ripple, zero at each 5 % of the gain, makes many minima."""
+    ripple = 0.5 * np.sin(60.0 * np.log(p["gain"] / 2.0))
+    return p["gain"] * p["load"] * inputs["power"] + ripple * inputs["power"] ** 2
+
+
+def ends_elsewhere() -> tuple[Calibration, Plant, list[Part]]:
+    """A fit at a gain of four, whose nominal value is two; the true product is 6."""
+    rng = np.random.default_rng(5)
+    power = rng.uniform(0.0, 1.0, 400)
+    log = Scale.LOGARITHMIC
+    rig = ForeignRig(
+        model=lambda p, inputs, times: rough(p, inputs, times),
+        parameters=(
+            Parameter(name="gain", value=2.0, unit="1", lower=0.1, upper=50.0, scale=log),
+            Parameter(name="load", value=3.0, unit="1", lower=0.1, upper=50.0, scale=log),
+        ),
+        input_name="power",
+        input_unit="W",
+        output_name="warmth",
+        output_unit="K",
+        sample_time=STEP,
+        noise=NOISE,
+        sizes=Sizes(command=1.0, command_unit="W", motion=6.0, motion_unit="K", period=300.0),
+    )
+    readings = 6.0 * power + NOISE * rng.standard_normal(power.size)
+    record = Recording.from_arrays(power, readings, STEP, input_units=["W"], output_units=["K"])
+    parts, nominal = [Part.whole(Experiment(recordings=(record,)))], Plant(rig=rig)
+    return calibrate(nominal.with_values({"gain": 4.0, "load": 1.5}), parts, starts=1), nominal, parts
+
+
+def test_a_direction_that_the_readings_leave_open_has_the_variance_of_the_nominal_values():
+    """Of two stated numbers whose product is known, each logarithm has the deviation 0.3 / sqrt(2)."""
+    fit, nominal, parts = ends_elsewhere()
+    assert not fit.interval("gain")[0] <= 2.0 <= fit.interval("gain")[1]  # an interval of one of many minima
+    found = with_nominal_start(fit, nominal, parts, error=0.05 * NOISE)
+    low, high = found.interval("gain")
+    assert low < 2.0 < high
+    assert np.log(high / low) == pytest.approx(2 * 1.96 * DATA_SHEET / np.sqrt(2.0), rel=0.05)
+    assert found.interval("load")[0] < 3.0 < found.interval("load")[1]
+
+
+def test_a_fit_that_is_better_by_more_than_the_error_stays_or_wins():
+    """Nominal values far from the truth: a start there ends where the product is right, or nowhere better."""
+    fit, nominal, parts = ends_elsewhere()
+    worse = replace(fit, residuals=fit.residuals + 0.5 * NOISE)
+    found = with_nominal_start(worse, nominal, parts, error=0.05 * NOISE)
+    assert found.rms < fit.rms + 0.05 * NOISE and found.plant.parameters["gain"].value == pytest.approx(2.0, rel=0.1)
+    assert found.interval("gain")[1] / found.interval("gain")[0] < 1.2  # no direction is left open
+    same = with_nominal_start(found, nominal, parts, error=0.05 * NOISE)
+    assert same is found
