@@ -38,9 +38,12 @@ WORTH = 0.1
 FINE = 1e-6  # Least noise that counts, relative to the range of the readings, because a rig may state none
 
 
-def resolved(plant: Plant, experiments: Sequence[Experiment]) -> Plant:
-    """Return a plant with as many steps as its first reading needs; warn if an error larger than the noise remains."""
-    followed, error = followed_plant(plant, experiments)
+def resolved(plant: Plant, experiments: Sequence[Experiment], hidden: float = 0.0) -> Plant:
+    """Return a plant with as many steps as its first reading needs; warn if an error larger than the noise remains.
+
+    `hidden` as for `followed_plant`.
+    """
+    followed, error = followed_plant(plant, experiments, hidden)
     if error > plant.rig.noise:
         logger.warning(
             "the %s is simulated with an error of up to %s after steps of the command, because the plant moves faster "

@@ -204,10 +204,10 @@ def diagnose(
     whole = verification.whole if answer is naming.best else detection.taken_up
     # The last fit has all stages, and as many steps as its effects need.
     begun = last if whole is None else whole
-    followed = resolved(solved_like(begun.plant, plant), checked.experiments)
+    least = LEAST_ERROR * answer.noise  # model error of any rig
+    followed = resolved(solved_like(begun.plant, plant), checked.experiments, least)
     final = refit(begun.solved_like(followed), problem.everything)
-    error = max(problem.expected_error, LEAST_ERROR * answer.noise)
-    final = with_nominal_start(final, problem.nominal, problem.everything, error)
+    final = with_nominal_start(final, problem.nominal, problem.everything, max(problem.expected_error, least))
     diagnosis = conclude(
         Findings(
             problem=problem,
