@@ -91,7 +91,12 @@ def test_nothing_is_found_where_nothing_is_concealed():
 
 
 @pytest.mark.study
-def test_the_offset_of_a_film_voltage_is_measured():
-    plant, recording, size = recorded("amplifier_offset", 9)
-    offset = diagnose(plant, recording).causes[0].parameters["offset"]
-    assert offset.low <= size <= offset.high
+@pytest.mark.parametrize(
+    ("effect", "parameter", "seed"),
+    [("amplifier_offset", "offset", 9), ("coulomb_friction", "force", 7), ("hysteresis", "force", 7)],
+)
+def test_its_size_is_in_its_interval(effect, parameter, seed):
+    """Of a friction, only the ratio to the modulus shows; the interval allows for the modulus that the rig states."""
+    plant, recording, size = recorded(effect, seed)
+    found = diagnose(plant, recording).causes[0].parameters[parameter]
+    assert found.low <= size <= found.high

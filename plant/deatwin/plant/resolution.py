@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 
 SLOW = 1e-5  # Error of a mode after one sample, relative to its amplitude, below which no reading is compared
 STEPS = (2, 4, 8, 16, 32)  # Numbers of steps per sample that are tried
-FINER, FINEST = 16, 64  # Least and largest number of steps per sample of the simulation that readings are compared with
+FINER, FINEST = 16, 64  # Least steps of the simulation that readings are compared with, and most for fast modes
 EXACT = 1e-3  # Error of a mode in that simulation, relative to its amplitude, above which it takes more steps
 MORE, MOST = 2, 9
 """Stages that are added at each doubling if a reading comes late, because it is stored over its sample as a polynomial
@@ -118,7 +118,8 @@ def _finer(plant: Plant, more: int) -> Iterator[Plant]:
 
 def _exact(plant: Plant, modes: np.ndarray) -> Plant:
     """Return a plant with so many steps that its readings count as exact beside those of `plant`."""
-    steps = max(FINER, 2 * plant.steps)
+    # With friction the error is of first order: four times as many steps leave a quarter of it.
+    steps = max(FINER, 4 * plant.steps)
     while steps < FINEST and mode_error(modes, plant.stages, steps) > EXACT:
         steps *= 2
     return replace(plant, steps=steps)

@@ -48,7 +48,7 @@ class Hysteresis(Effect):
     """
 
     force: float = field(default=1e-3, metadata=ranged("N", 0.0, 0.05, widest=0.3))
-    distance: float = field(default=30e-6, metadata=ranged("m", 5e-6, 1e-3, scale=Scale.LOGARITHMIC))
+    distance: float = field(default=30e-6, metadata=ranged("m", 1e-6, 1e-3, scale=Scale.LOGARITHMIC))
     beta: float = field(default=1.0, metadata=ranged("1", 0.5, 2.0))
 
     name: ClassVar[str] = "hysteresis"

@@ -9,6 +9,7 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.status import FitStatus
+from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.screen import Lead
 from deatwin.ident.mismatch.problem import DiagnosisProblem
@@ -232,7 +233,8 @@ def _finished(problem: DiagnosisProblem, fit: Calibration, noise: float) -> Cali
 
 def _followed(fit: Calibration, problem: DiagnosisProblem, noise: float) -> Calibration:
     """Fit again with more steps per sample if noise does not hide the error of integration."""
-    hidden = float(np.sqrt(PRACTICAL_SHARE)) * noise
+    # At its largest it takes a quarter of the power that the fit may leave beyond the noise.
+    hidden = practical_size(noise, fit.plant.rig.model_error) / 2
     plant, _ = followed_plant(fit.plant, [part.experiment for part in problem.of_first.fitted], hidden)
     if plant is fit.plant:
         return fit
