@@ -13,7 +13,7 @@ from deatwin.plant import Diaphragm, Plant
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import catalogue, effect_named
 
-LOWEST, HIGHEST = 5e-6, 1e-3
+LOWEST, HIGHEST = 1e-6, 1e-3
 """Of the distance of hysteresis, m."""
 
 
