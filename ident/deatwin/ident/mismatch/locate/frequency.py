@@ -117,8 +117,6 @@ WORDS = {
     "varying": "all, differing\nbetween periods",
 }
 """Groups of lines in words."""
-SETTLING = 3
-"""Number of periods from which on the first is left out, because the plant may not have settled in it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,8 +174,8 @@ def _period(command: Array) -> int | None:
 
 
 def _grouped(track: Track, command: Array, period: int, noise: float) -> Lines:
-    periods = _repeats(command, period)
-    kept = periods - 1 if periods >= SETTLING else periods
+    # The first period is left out if enough others remain, because the plant may not have settled in it.
+    kept = max(_repeats(command, period) - 1, FEWEST_PERIODS)
     spectra = np.fft.rfft(track.residual[-kept * period :].reshape(kept, period), axis=1)[:, 1 : (period + 1) // 2]
     drive = np.abs(np.fft.rfft(command[-period:]))[1 : (period + 1) // 2]
     mean = spectra.mean(axis=0)
