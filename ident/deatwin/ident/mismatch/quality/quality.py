@@ -310,16 +310,12 @@ def check_quality(plant: Plant, experiments: Experiment | Recording | Sequence[E
 
 def _elsewhere(stuck: Masks, experiments: Sequence[Experiment], find: Callable[[Recording], np.ndarray]) -> Masks:
     """Return the samples that `find` marks, except in and next to stuck stretches, which are reported already."""
+    from scipy.ndimage import binary_dilation
+
     return tuple(
-        tuple(find(record) & ~_with_neighbours(mask) for record, mask in zip(experiment.recordings, masks, strict=True))
+        tuple(find(record) & ~binary_dilation(mask) for record, mask in zip(experiment.recordings, masks, strict=True))
         for experiment, masks in zip(experiments, stuck, strict=True)
     )
-
-
-def _with_neighbours(mask: np.ndarray) -> np.ndarray:
-    """Return the marked samples and those next to them."""
-    padded = np.pad(mask, 1)
-    return np.asarray(padded[:-2] | mask | padded[2:])
 
 
 def _listed(
