@@ -19,8 +19,7 @@ from deatwin.ident.mismatch import Base, Candidate, Naming
 from deatwin.ident.mismatch.advise.advice import Advice
 from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.ident.mismatch.discover.discovery import Discovery, FoundTerm
-from deatwin.ident.mismatch.locate.frequency import Band, Bands
-from deatwin.ident.mismatch.locate.lines import LineGroup, Lines
+from deatwin.ident.mismatch.locate.frequency import Band, Bands, LineGroup, Lines
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.locate.place import OpenedPlace, Places
 from deatwin.ident.mismatch.locate.region import Bin, Region, Regions
@@ -28,6 +27,7 @@ from deatwin.ident.mismatch.locate.response import ResponseDifference
 from deatwin.ident.mismatch.locate.time import Times, Window
 from deatwin.ident.mismatch.locate.track import Track
 from deatwin.ident.mismatch.naming.decide import Distance
+from deatwin.ident.mismatch.result import ShapeSummary
 from deatwin.ident.narx.svb import PruningStep
 from deatwin.ident.narx.terms import Term
 from deatwin.plant import Diaphragm, Parameter, Plant, ReadingTime, Recording
@@ -97,7 +97,7 @@ DISCOVERY = Discovery(
             term=DeadBand(variable="displacement", scale=1e-3, width=0.4),
             coefficient=5.0,
             unit="N/m",
-            shape=("width", 4e-4, "m"),
+            shape=ShapeSummary(name="width", value=4e-4, unit="m"),
             inclusion=0.6,
         ),
     ),

@@ -20,8 +20,8 @@ from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import Naming, is_possible, normalised
 from deatwin.ident.mismatch.naming.places import causes_of, missing_effects, timing_error
 from deatwin.ident.mismatch.partly import unexplained
-from deatwin.ident.mismatch.quality.factor import factors
-from deatwin.ident.mismatch.quality.faults import faults_of
+from deatwin.ident.mismatch.quality.compared import factors
+from deatwin.ident.mismatch.quality.quality import faults_of
 from deatwin.ident.mismatch.refit.equals import exchanged_lags
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.refit.search import gap_around
@@ -45,7 +45,8 @@ from deatwin.plant.words import spaced
 def conclude(findings: Findings) -> Diagnosis:
     """Write the diagnosis from the findings of all steps."""
     rig, base, answer = findings.final.plant.rig, findings.base, findings.answer
-    unit, size = findings.unit
+    (unit, size), experiments = findings.unit, findings.checked.experiments
+    further = dict.fromkeys(part.reading for part in findings.problem.everything if part.reading)
     model = CalibratedPlant(
         plant=with_model_error(findings.final.plant, findings.problem.stated_error),
         noise=base.noise,
@@ -66,7 +67,9 @@ def conclude(findings: Findings) -> Diagnosis:
         location=_location(findings),
         unexplained=None
         if findings.left is None
-        else unexplained(answer, base.chosen, findings.left, _seconds(findings)),
+        else unexplained(
+            answer, base.chosen, findings.left, sum(r.duration for e in experiments for r in e.recordings)
+        ),
         free_form=None if findings.discovery is None else findings.discovery.summary,
         causes=causes,
         names=names,
@@ -109,7 +112,7 @@ def conclude(findings: Findings) -> Diagnosis:
         rival_models=_rival_models(findings) if findings.named else {},
         candidates=_candidates(findings),
         readings=_readings(findings, model),
-        further=tuple(_readings(findings, model, name) for name in _recorded(findings)),
+        further=tuple(_readings(findings, model, name) for name in further),
         findings=findings,
     )
     return replace(diagnosis, sentence=say(diagnosis))
@@ -171,11 +174,6 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
                 f"these recordings could also be explained by {_in_words(other)}, but only with an unusual strength, so this "
                 "explanation does not count as an alternative"
             )
-
-
-def _seconds(findings: Findings) -> float:
-    """Return the total duration of the recordings, s."""
-    return sum(r.duration for e in findings.checked.experiments for r in e.recordings)
 
 
 def _left(findings: Findings) -> float:
@@ -392,11 +390,6 @@ def _readings(findings: Findings, model: CalibratedPlant, reading: str = "") -> 
         unseen=tuple(part.masks for part in first_only(findings.problem.unseen)),
         reading=reading,
     )
-
-
-def _recorded(findings: Findings) -> tuple[str, ...]:
-    """Return the names of the further readings in the recordings."""
-    return tuple(dict.fromkeys(part.reading for part in findings.problem.everything if part.reading))
 
 
 def _candidates(findings: Findings) -> tuple[CandidateSummary, ...]:

@@ -28,9 +28,7 @@ from deatwin.ident.mismatch.naming.screen import linearised_responses
 from deatwin.ident.mismatch.partly import acting, explains_all
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.problem import DiagnosisProblem
-from deatwin.ident.mismatch.quality.beside import without_faults
-from deatwin.ident.mismatch.quality.factor import require_same_scale
-from deatwin.ident.mismatch.quality.gaps import without_unknown
+from deatwin.ident.mismatch.quality.compared import require_same_scale, without_faults, without_unknown
 from deatwin.ident.mismatch.quality.quality import DataQuality, Soundness, check_quality, confirm
 from deatwin.ident.mismatch.refit.base import Base, beside_alternatives
 from deatwin.ident.mismatch.refit.equals import with_exchanged_lags, with_nominal_start
@@ -38,9 +36,8 @@ from deatwin.ident.mismatch.refit.restated import restated
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, quality_step
 from deatwin.ident.mismatch.verdict import Verdict
-from deatwin.ident.mismatch.verify.standing import first_that_stands
 from deatwin.ident.mismatch.verify.verification import Verification
-from deatwin.ident.mismatch.verify.verify import verify
+from deatwin.ident.mismatch.verify.verify import first_that_stands, verify
 from deatwin.ident.parallel import one_thread, require_workers, spawn_generators
 from deatwin.plant.effects.base import Effect, require_effects
 from deatwin.plant.model import Plant

@@ -9,8 +9,8 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.advise.advice import Advice
 from deatwin.ident.mismatch.detect.detection import Detection
 from deatwin.ident.mismatch.discover.discovery import Discovery
-from deatwin.ident.mismatch.intervals import with_own_errors
 from deatwin.ident.mismatch.locate.location import Location
+from deatwin.ident.mismatch.model_error import with_own_errors
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.problem import DiagnosisProblem

@@ -9,9 +9,9 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.excess import beyond_noise, excess_of
-from deatwin.ident.mismatch.intervals import perhaps_absent, with_own_errors
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.located import Unexplained
+from deatwin.ident.mismatch.model_error import perhaps_absent, with_own_errors
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.clocks import of_one_clock
 from deatwin.ident.mismatch.naming.criteria import acts, explained, held_back_by, share_explained, takes_most

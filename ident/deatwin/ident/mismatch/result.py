@@ -100,26 +100,34 @@ class Statistic:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RepeatabilitySummary:
+class Repeatability:
     """Similarity of the residual between repeats of a command."""
 
-    correlation: float
-    share: float  # Repeatable share of the residual beyond noise; low and high are two standard deviations off
+    correlation: float  # Of the residual with its repeat, each less its mean over the stretch
+    # Covariance with the repeat over variance beyond noise: 1 if all that the plant lacks is repeatable, 0 if nothing
+    # is; low and high are two standard deviations off
+    share: float
     low: float
     high: float
-    explainable: float  # Largest share that any deterministic model can explain
+    # Largest share that any deterministic model can explain: what the variance about the repeatable part leaves
+    explainable: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class OriginSummary:
-    """Evidence for the plant or for a disturbance."""
+    """Evidence that a residual belongs to the plant or to a disturbance."""
 
-    by: str  # repeats, prediction or nothing
+    by: str  # repeats, prediction, or nothing if neither was possible
     share: float  # Repeatable or predictable share of the rest; low and high are two standard deviations off
     low: float
     high: float
     left: float  # Rms of the rest: the residual without noise and without patterns that the plant's physics may cause
     conclusion: str  # plant, disturbance or undecided
+
+    @classmethod
+    def none(cls, left: float) -> OriginSummary:
+        """Return undecided evidence; `left` is the rms of the residual beyond the noise."""
+        return cls(by="nothing", share=0.0, low=0.0, high=1.0, left=left, conclusion="undecided")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +156,7 @@ class DetectionSummary:
         with the command, and correlation of the squared residual with the command.
     noise_source : str or None
         Source of the noise estimate.
-    repeatability : RepeatabilitySummary or None
+    repeatability : Repeatability or None
         Similarity of the residual between repeats of a command; None if no command is repeated.
     origin : OriginSummary or None
         Evidence on whether the residual comes from the plant or from a disturbance.
@@ -162,7 +170,7 @@ class DetectionSummary:
     smallest_detectable: Mapping[str, float | None]
     statistics: tuple[Statistic, ...] | None = field(default=None, metadata=OPTIONAL)
     noise_source: str | None = field(default=None, metadata=OPTIONAL)
-    repeatability: RepeatabilitySummary | None = None
+    repeatability: Repeatability | None = None
     origin: OriginSummary | None = None
 
 

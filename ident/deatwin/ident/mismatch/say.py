@@ -149,11 +149,6 @@ def _explained(causes: Sequence[Cause]) -> str:
     return f"{', '.join([start, *each[:-1]])}, and {each[-1]}"
 
 
-def _names(diagnosis: Diagnosis) -> str:
-    """Return the names of the causes."""
-    return listed(_effects(diagnosis))
-
-
 def _effects(diagnosis: Diagnosis) -> list[str]:
     return [spaced(cause.effect) for cause in diagnosis.causes]
 
@@ -231,7 +226,7 @@ def _partly(diagnosis: Diagnosis) -> list[str]:
     if left is None:
         raise ModelError("a diagnosis of a part of the mismatch needs the unexplained remainder")
     return [
-        f"the model lacks {_names(diagnosis)}, and something else that could not be identified",
+        f"the model lacks {listed(_effects(diagnosis))}, and something else that could not be identified",
         *(_physics(cause, diagnosis) for cause in diagnosis.causes),
         _explained(diagnosis.causes),
         f"of the {_amplitude(left.mismatch, diagnosis)} mismatch, {_amplitude(left.rms, diagnosis)} remain unexplained"
@@ -293,12 +288,14 @@ def _in(region: Region, diagnosis: Diagnosis) -> str:
 
 
 def _unknown(diagnosis: Diagnosis) -> list[str]:
-    form = diagnosis.free_form
+    form, tests = diagnosis.free_form, diagnosis.verification
     return [
         "something is missing from the model, and no effect of the catalogue explains it",
         f"{_left(_shown(diagnosis))} ({_noise(diagnosis)})",
         *_where(diagnosis),
-        "the explanation that fitted best failed its tests on held-out data" if _refuted(diagnosis) else "",
+        "the explanation that fitted best failed its tests on held-out data"
+        if tests is not None and not tests.holds
+        else "",
         ""
         if form is None
         else f"a fitted formula without physical meaning lowers the error on held-out data from {_rounded(form.before)} to "
@@ -580,10 +577,6 @@ def _next(diagnosis: Diagnosis) -> list[str]:
         if advised.undecided
         else "",
     ]
-
-
-def _refuted(diagnosis: Diagnosis) -> bool:
-    return diagnosis.verification is not None and not diagnosis.verification.holds
 
 
 def _fault(fault: Fault, many: bool) -> str:

@@ -13,8 +13,7 @@ from deatwin.ident.mismatch.located import LocationSummary
 from deatwin.ident.mismatch.model_error import differences, with_model_error
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.problem import DiagnosisProblem
-from deatwin.ident.mismatch.quality.faults import faults_of
-from deatwin.ident.mismatch.quality.quality import DataQuality
+from deatwin.ident.mismatch.quality.quality import DataQuality, faults_of
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.result import (

@@ -10,7 +10,7 @@ import numpy as np
 from deatwin.ident.mismatch import Diagnosis, LocationSummary
 from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
 from deatwin.ident.mismatch.located import Window
-from deatwin.ident.mismatch.quality.faults import OF_READING
+from deatwin.ident.mismatch.quality.quality import OF_READING
 from deatwin.ident.mismatch.result import Fault
 from deatwin.plant.amplitudes import axis_label, reported_size, written_unit
 from deatwin.plant.drawing import Axes, envelope, numbers_of_decades

@@ -17,7 +17,7 @@ from deatwin.ident.mismatch.advise.distance import confusion
 from deatwin.ident.mismatch.diagnose import _verdict
 from deatwin.ident.mismatch.quality.quality import Soundness
 from deatwin.ident.mismatch.refit.base import Base
-from deatwin.ident.mismatch.verify import standing
+from deatwin.ident.mismatch.verify import verify as verifying
 from deatwin.ident.mismatch.verify.verify import verify
 from deatwin.plant import Creep, Diaphragm, ElectrodeRC, Experiment, PermittivityDrift, Plant, Recording, SensorLag
 from deatwin.plant.effects.catalogue import effect_named
@@ -191,7 +191,7 @@ def doubted():
             no_longer = {"creep": {"gain_low": -1e-9, "counts": False}}
             return replace(found, ablations=tuple(replace(a, **no_longer.get(a.effect, {})) for a in found.ablations))
 
-        patch.setattr(standing, "verify", unsure)
+        patch.setattr(verifying, "verify", unsure)
         module = importlib.import_module("deatwin.ident.mismatch.diagnose")
         patch.setattr(module, "advise", lambda *_, **__: None)  # which has tests of its own
         hidden = recorded(ElectrodeRC(time=0.05), Creep(modulus=20e3, time=20.0), share=0.35)
@@ -242,7 +242,7 @@ def test_the_plant_of_a_refuted_explanation_is_not_the_answer(monkeypatch):
         found = verify(base, amended, *others)
         return replace(found, gain_low=-1e-9, counts=False, ablations=(), whole=amended.calibration)
 
-    monkeypatch.setattr(standing, "verify", refuting)
+    monkeypatch.setattr(verifying, "verify", refuting)
     found = diagnose(NOMINAL, recorded(Creep(modulus=50e3, time=20.0), share=0.3), effects=[Creep()])
     assert found.verdict is Verdict.UNKNOWN
     assert "it is not certain that the explanation lowers the error on held-out data" in found.warnings

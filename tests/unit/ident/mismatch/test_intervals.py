@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox.fit import Calibration, FitStatus
-from deatwin.ident.mismatch.intervals import perhaps_absent
+from deatwin.ident.mismatch.model_error import perhaps_absent
 from deatwin.plant import Creep, Diaphragm, Hysteresis, Plant, SensorDrift
 
 NAMES = ("sensor_drift.change", "sensor_drift.time", "creep.modulus")

@@ -13,18 +13,17 @@ Hunter & Reiner, Technometrics 7 (1965) 307 (the input for which the predictions
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import compress, islice
-from typing import Any
 
 import numpy as np
 
 from deatwin.ident.mismatch.advise.advice import Advice
 from deatwin.ident.mismatch.advise.distance import confusion, difference
-from deatwin.ident.mismatch.advise.offer import in_words
+from deatwin.ident.mismatch.advise.offer import PricedReading, in_words
 from deatwin.ident.mismatch.advise.question import Question
-from deatwin.ident.mismatch.advise.sensors import Prices, prices
+from deatwin.ident.mismatch.advise.sensors import prices
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE
 from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
 from deatwin.ident.mismatch.problem import DiagnosisProblem
@@ -95,38 +94,37 @@ def advise(
     tell(0.9, "writing the advice")
     rig, before = problem.nominal.rig, _confused(here.before_told(_by_number(left, distances)))
     tried = {name: float(nearest.min()) for name, nearest in loads[0].screened.items()}
-    market, numbers = prices(here), range(len(left))
-    common: dict[str, Any] = {
-        "alternatives": _labels(left),
-        "readings": market.among(numbers),
-        "confusion_before": before,
-        "tried": tried,
-        "noise": here.noise,
-        "output": (rig.output_name, rig.output_unit),
-    }
+    market, numbers, labels = prices(here), range(len(left)), _labels(left)
+    readings = market.among(numbers)
+    without_input = Advice(
+        alternatives=labels,
+        recording=None,
+        waveform="",
+        added_mass=None,
+        measure=_to_measure(readings),
+        confusion_before=before,
+        confusion_after=before,
+        undecided=labels,
+        tried=tried,
+        predicted=(),
+        log_odds=max(tried.values(), default=0.0) / 2.0,
+        readings=readings,
+        noise=here.noise,
+        output=(rig.output_name, rig.output_unit),
+    )
     if found is None:
-        return Advice(
-            recording=None,
-            waveform="",
-            added_mass=None,
-            measure=_to_measure(market, numbers),
-            log_odds=max(tried.values(), default=0.0) / 2.0,
-            confusion_after=before,
-            predicted=(),
-            undecided=common["alternatives"],
-            **common,
-        )
+        return without_input
     question, close = found.load.question, found.nearest < DISTINGUISHED
-    return Advice(
+    return replace(
+        without_input,
         recording=question.recording(found.commands),
         waveform=found.name,
         added_mass=found.load.added,
-        measure=_to_measure(market, list(compress(numbers, close))) if close.any() else None,
+        measure=_to_measure(market.among(list(compress(numbers, close)))) if close.any() else None,
         log_odds=float(found.nearest.min()) / 2.0,
         confusion_after=found.confusion,
         predicted=_predicted(question, found.commands),
-        undecided=tuple(compress(common["alternatives"], close)),
-        **common,
+        undecided=tuple(compress(labels, close)),
     )
 
 
@@ -291,7 +289,6 @@ def _labels(alternatives: Sequence[Candidate]) -> tuple[str, ...]:
     return tuple(f"{n} ({names[:k].count(n) + 1})" if names.count(n) > 1 else n for k, n in enumerate(names))
 
 
-def _to_measure(market: Prices, explanations: Sequence[int]) -> str:
-    """Return the reading that distinguishes the explanations best; None if none does."""
-    telling = [priced for priced in market.among(explanations) if priced.resolves]
-    return in_words(telling[0].reading) if telling else "another signal"
+def _to_measure(priced: Sequence[PricedReading]) -> str:
+    """Return the first reading that distinguishes all explanations, in words."""
+    return next((in_words(one.reading) for one in priced if one.resolves), "another signal")

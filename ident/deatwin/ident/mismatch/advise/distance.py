@@ -74,7 +74,6 @@ def distance_squared(
     alternative: Calibration,
     parts: Sequence[Part],
     noise: float,
-    *,
     memory: Memory | None = None,
     steps: int = STEPS,
     response: Response | None = None,

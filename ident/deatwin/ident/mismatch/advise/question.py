@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -198,17 +198,17 @@ class Question:
         return np.array(distances)
 
     def _responses(self, commands: np.ndarray) -> list[Response | None]:
-        """Return the response of each explanation to an input."""
-        return self._last_responses(np.asarray(commands, dtype=float).tobytes())
+        """Return the response of each explanation to an input; those to the last one are kept, as all draws need them."""
+        made = commands.tobytes()
+        if made not in self._last_responses:
+            jobs = [(fit, tuple(self.parts(commands))) for fit in self.fits]
+            self._last_responses.clear()
+            self._last_responses[made] = run_jobs(_response, jobs, workers=self.problem.jobs)
+        return self._last_responses[made]
 
     @cached_property
-    def _last_responses(self) -> Callable[[bytes], list[Response | None]]:
-        """Return a function that caches the responses to the last input, because all draws need them."""
-        return lru_cache(maxsize=1)(self._all_responses)
-
-    def _all_responses(self, made: bytes) -> list[Response | None]:
-        parts = tuple(self.parts(np.frombuffer(made)))
-        return run_jobs(_response, [(fit, parts) for fit in self.fits], workers=self.problem.jobs)
+    def _last_responses(self) -> dict[bytes, list[Response | None]]:
+        return {}
 
     def refitted(self, commands: np.ndarray, draw: int = 0) -> np.ndarray:
         """Return d², (n_fits,), to the nearest explanation, with each alternative refitted to the truth's response.
@@ -224,9 +224,10 @@ class Question:
             change = fit.jacobian @ shift
             known = replace(memory.known, readings=memory.known.readings + change, left=memory.known.left + change)
             memory = replace(memory, known=known)
-            jobs.append((_moved(fit, shift), self.fits[alternative], parts, memory, responses[alternative], self.noise))
+            others = (self.fits[alternative], parts, self.noise, memory, STEPS, responses[alternative])
+            jobs.append((_moved(fit, shift), *others))
         distances = np.full(len(self.pairs), np.inf)
-        distances[contested] = run_jobs(_distance, jobs, workers=self.problem.jobs)
+        distances[contested] = run_jobs(distance_squared, jobs, workers=self.problem.jobs)
         return self._nearest(distances)
 
     def _contested(self, commands: np.ndarray) -> list[int]:
@@ -250,18 +251,6 @@ def _response(fit: Calibration, parts: tuple[Part, ...]) -> Response | None:
     """Return the response of an explanation at its fitted parameters."""
     fitting = Problem(plant=fit.plant, parts=parts, names=fit.names)
     return fitting.evaluate(fitting.start())
-
-
-def _distance(
-    truth: Plant,
-    alternative: Calibration,
-    parts: Sequence[Part],
-    memory: Memory,
-    response: Response | None,
-    noise: float,
-) -> float:
-    """Return d² from a plant to an explanation refitted in a few steps; infinite if that cannot be simulated."""
-    return distance_squared(truth, alternative, parts, noise, memory=memory, steps=STEPS, response=response)
 
 
 def _draws(problem: DiagnosisProblem, fit: Calibration, noise: float, rng: np.random.Generator) -> list[np.ndarray]:

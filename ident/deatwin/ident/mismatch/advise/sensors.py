@@ -97,7 +97,7 @@ def signals(plant: Plant, names: tuple[str, ...], parts: Sequence[Part], wanted:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Beside:
-    """A possible reading with the responses of all explanations, in the order of the question's fits."""
+    """A possible reading, with its noise and the responses of all explanations, in the order of the question's fits."""
 
     sensor: SensorOffer
     reading: Reading
@@ -149,9 +149,9 @@ class Prices:
 
     def _error(self, one: _Beside, truth: int) -> OwnError:
         """Return the model error in an unrecorded reading, for an explanation's motion."""
-        problem, reading = self.question.problem, replace(one.reading, noise=one.sensor.noise)
-        parts = [replace(part, reading=reading.name, levels=None) for part in first_only(problem.fitted)]
-        rig = replace(problem.nominal.rig, further=(reading,))
+        problem = self.question.problem
+        parts = [replace(part, reading=one.reading.name, levels=None) for part in first_only(problem.fitted)]
+        rig = replace(problem.nominal.rig, further=(one.reading,))
         return own_errors(rig, parts, one.signals[truth][0], 0.0, 0.0).of[0]
 
     def _errors(self, truth: int) -> OwnErrors:
@@ -186,14 +186,9 @@ def prices(question: Question) -> Prices:
     recorded |= {"temperature"} if all("temperature" in record.extras for record in records) else set()
     wanted = offered([fit.plant for fit in fits], recorded)
     each = zip(*(signals(fit.plant, fit.names, problem.fitted, wanted) for fit in fits), strict=False)
-    return Prices(
-        question=question,
-        beside=tuple(
-            _Beside(sensor=offer(one, problem.nominal.rig.further, _largest(known)), reading=one, signals=known)
-            for one, known in zip(wanted, each, strict=False)  # empty if an explanation cannot be simulated
-        ),
-    )
-
-
-def _largest(known: Sequence[Signal]) -> float:
-    return max(float(np.abs(values).max()) for values, _ in known)
+    beside = []
+    for one, known in zip(wanted, each, strict=False):  # empty if an explanation cannot be simulated
+        largest = max(float(np.abs(values).max()) for values, _ in known)
+        sensor = offer(one, problem.nominal.rig.further, largest)
+        beside.append(_Beside(sensor=sensor, reading=replace(one, noise=sensor.noise), signals=known))
+    return Prices(question=question, beside=tuple(beside))

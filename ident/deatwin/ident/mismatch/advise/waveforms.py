@@ -119,9 +119,10 @@ def waveform(
     name: str, limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator
 ) -> np.ndarray | None:
     """Return commands, (n,), of one waveform of `REPERTOIRE`; None if the limits do not allow it."""
-    if limits.top <= limits.bottom or (name in BIPOLAR and not limits.lowest < limits.rest < limits.highest):
+    make, both_ways = REPERTOIRE[name], limits.lowest < limits.rest < limits.highest
+    if limits.top <= limits.bottom or (make is _reversals and not both_ways):
         return None
-    made = REPERTOIRE[name](limits, seconds, sample_time, rng)
+    made = make(limits, seconds, sample_time, rng)
     count = max(2, round(seconds / sample_time))
     whole = np.concatenate([made[:count], np.full(max(0, count - made.size), made[-1])])
     return np.where(whole == limits.rest, whole, np.clip(whole, limits.lowest, limits.highest))
@@ -252,4 +253,3 @@ REPERTOIRE: Mapping[str, Maker] = {
     "holds of alternating polarity": _reversals,
 }
 """Waveforms of inputs, by name."""
-BIPOLAR = frozenset({"holds of alternating polarity"})

@@ -12,10 +12,9 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import free_run_residuals
 from deatwin.ident.mismatch.detect.detection import Curves, Detection, counts
-from deatwin.ident.mismatch.detect.law import Law
+from deatwin.ident.mismatch.detect.law import Law, Power
 from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
-from deatwin.ident.mismatch.detect.origin import OriginEvidence, origin_of
-from deatwin.ident.mismatch.detect.power import Power
+from deatwin.ident.mismatch.detect.origin import origin_of
 from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
 from deatwin.ident.mismatch.excess import beyond_noise, excess_of, practical_size
 from deatwin.ident.mismatch.likelihood.beforehand import LATEST
@@ -23,7 +22,7 @@ from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.quality.noise import noise_level
 from deatwin.ident.mismatch.quality.repeats import find_repeats, repeatability
 from deatwin.ident.mismatch.refit.search import finish, refit, roughly
-from deatwin.ident.mismatch.result import Statistic
+from deatwin.ident.mismatch.result import OriginSummary, Statistic
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.thresholds import ACCURACY
 from deatwin.plant.arrays import root_mean_square
@@ -98,7 +97,7 @@ def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -
         repeatability=None if repeats is None else repeatability(first.residual, repeats, left.noise),
         evidence=origin_of(first, repeats, practical)
         if counts(p_value, size, practical, certain)
-        else OriginEvidence.none(size),
+        else OriginSummary.none(size),
         moved=root_mean_square(left.moved),
         seen=partial(_seen, law, left, practical),
         output_unit=left.output_unit,

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence
+from deatwin.ident.mismatch.detect.origin import Origin
 from deatwin.ident.mismatch.quality.noise import NoiseFloor
-from deatwin.ident.mismatch.quality.repeats import Repeatability
-from deatwin.ident.mismatch.result import DetectionSummary, RepeatabilitySummary, Statistic
+from deatwin.ident.mismatch.result import DetectionSummary, OriginSummary, Repeatability, Statistic
 from deatwin.ident.mismatch.thresholds import SIGNIFICANCE
 from deatwin.plant.amplitudes import amount, amplitude_unit, written_amplitude
 from deatwin.plant.datasets import (
@@ -87,7 +86,7 @@ class Detection(Described):
         Sensor noise, with the estimate from each source, such as the data sheet or repeated commands.
     repeatability : Repeatability or None
         Similarity of the residual between repeats of a command; None if no command is repeated.
-    evidence : OriginEvidence
+    evidence : OriginSummary
         Evidence on whether the residual comes from the plant or from a disturbance.
     moved : float
         Rms response of the simulated readings to the changes of the command, SI.
@@ -114,7 +113,7 @@ class Detection(Described):
     certain: bool
     sensor: NoiseFloor
     repeatability: Repeatability | None
-    evidence: OriginEvidence
+    evidence: OriginSummary
     moved: float = field(metadata=attribute())
     visible: bool = True
     seen: Callable[[Sequence[LinearisedResponse]], tuple[dict[str, float | None], bool]] | None = None
@@ -173,7 +172,7 @@ class Detection(Described):
     @property
     def origin(self) -> Origin:
         """Conclusion from ``evidence``: the residual comes from the plant, or from a disturbance, or is undecided."""
-        return self.evidence.origin
+        return Origin(self.evidence.conclusion)
 
     @property
     def disturbance(self) -> bool:
@@ -184,7 +183,6 @@ class Detection(Described):
     def summary(self) -> DetectionSummary:
         """Summarise the result for a diagnosis, with amplitudes in the unit of `Diagnosis.output`."""
         size = amplitude_unit(self.output_unit)[1]
-        found = self.repeatability
         return DetectionSummary(
             p_value=self.p_value,
             excess=self.size / size,
@@ -194,16 +192,8 @@ class Detection(Described):
             smallest_detectable={k: None if v is None else v / size for k, v in self.smallest.items()},
             statistics=self.statistics,
             noise_source=self.sensor.source.name.lower(),
-            repeatability=None
-            if found is None
-            else RepeatabilitySummary(
-                correlation=found.correlation,
-                share=found.share,
-                low=found.low,
-                high=found.high,
-                explainable=found.explainable,
-            ),
-            origin=self.evidence.summary(size),
+            repeatability=self.repeatability,
+            origin=replace(self.evidence, left=self.evidence.left / size),
         )
 
     def plot(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:

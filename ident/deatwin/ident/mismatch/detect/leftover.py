@@ -40,14 +40,6 @@ class Leftover:
     # Number of samples of the first reading, which precede those of further readings; None if there are no others
     first: int | None = None
 
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                own = value.view()
-                own.flags.writeable = False
-                object.__setattr__(self, field.name, own)
-
     @property
     def floor(self) -> float:
         """Return the mean square of noise and model error, SI."""
@@ -67,10 +59,6 @@ class Leftover:
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         own: dict[str, Any] = {n: v[: self.first] for n, v in values.items() if isinstance(v, np.ndarray)}
         return replace(self, **own)
-
-    def with_residual(self, residual: np.ndarray) -> Leftover:
-        """Return the same recordings with another residual, (n,), SI."""
-        return replace(self, residual=residual)
 
 
 def leftover_of(base: Candidate, problem: DiagnosisProblem) -> Leftover:

@@ -20,7 +20,7 @@ from deatwin.ident.greybox.tangent import taken_off
 from deatwin.ident.mismatch.detect.leftover import Leftover
 from deatwin.ident.mismatch.detect.null import error_terms
 from deatwin.ident.mismatch.excess import beyond_noise
-from deatwin.ident.mismatch.locate.features import play
+from deatwin.ident.mismatch.locate.closure import play
 from deatwin.ident.mismatch.quality.bursts import BEND, has_lines
 from deatwin.ident.mismatch.quality.repeats import Repeats, repeatability
 from deatwin.ident.mismatch.result import OriginSummary
@@ -51,48 +51,20 @@ FEWEST_SECONDS = 20.0
 
 
 class Origin(Enum):
-    """Origin of a residual; the text is the reason."""
+    """Origin of a residual."""
 
-    PLANT = "the mismatch repeats with the command, so it belongs to the plant"
-    DISTURBANCE = "the mismatch does not repeat with the command, so it does not belong to the plant"
-    UNDECIDED = "these recordings cannot show whether the mismatch belongs to the plant"
-
-
-@dataclass(frozen=True, kw_only=True)
-class OriginEvidence:
-    """Evidence that a residual belongs to the plant or to a disturbance."""
-
-    origin: Origin
-    by: str  # "repeats", "prediction", or "nothing" if neither was possible
-    share: float  # repeatable or predictable share of the residual without noise and removed patterns
-    low: float  # `share` minus two standard deviations
-    high: float  # `share` plus two standard deviations
-    left: float  # rms of the residual without noise and removed patterns, SI
-
-    @classmethod
-    def none(cls, left: float) -> OriginEvidence:
-        """Return undecided evidence; `left` is the rms of the residual beyond the noise, SI."""
-        return cls(origin=Origin.UNDECIDED, by="nothing", share=0.0, low=0.0, high=1.0, left=left)
-
-    def summary(self, size: float) -> OriginSummary:
-        """Return the summary for a diagnosis; `size` is the SI size of the reported unit."""
-        return OriginSummary(
-            by=self.by,
-            share=self.share,
-            low=self.low,
-            high=self.high,
-            left=self.left / size,
-            conclusion=self.origin.name.lower(),
-        )
+    PLANT = "plant"
+    DISTURBANCE = "disturbance"
+    UNDECIDED = "undecided"
 
 
-def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> OriginEvidence:
+def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> OriginSummary:
     """Decide whether a residual comes from the plant or a disturbance; `practical` is the rms that counts, SI."""
     rest = without_forms(left)
     size = beyond_noise(float(np.mean(rest**2)), left.noise)
     noise, samples = _is_noise(left), left.residual.size
     if samples < FEWEST_SAMPLES or not (noise or (size >= practical and samples * left.sample_time >= FEWEST_SECONDS)):
-        return OriginEvidence.none(size)
+        return OriginSummary.none(size)
     if repeats is not None:
         found = repeatability(rest, repeats, left.noise)
         low, share, high = found.low, found.share, found.high
@@ -105,7 +77,7 @@ def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> Orig
         foreign = share < PRACTICAL_SHARE if noise else high < PRACTICAL_SHARE and not tied
         own, by = low > MOST, "prediction"
     origin = Origin.DISTURBANCE if foreign else Origin.PLANT if own else Origin.UNDECIDED
-    return OriginEvidence(origin=origin, by=by, share=share, low=low, high=high, left=size)
+    return OriginSummary(by=by, share=share, low=low, high=high, left=size, conclusion=origin.value)
 
 
 def _is_noise(left: Leftover) -> bool:

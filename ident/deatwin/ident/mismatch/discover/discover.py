@@ -29,6 +29,7 @@ from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.search import free_run_rms
+from deatwin.ident.mismatch.result import ShapeSummary
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.thresholds import DEVIATIONS, NEGLIGIBLE, PRACTICAL_SHARE, ROUNDING, TINY
 from deatwin.plant.arrays import Array, root_mean_square
@@ -291,7 +292,7 @@ def _found(form: FreeForm, number: int, inclusion: float, plant: Plant) -> Found
     if (parameter := term.shape_parameter) is not None:
         # A width is a pure number times the scale of the signal, a time is in seconds.
         wide, of = (term.scale, unit) if parameter.unit == "1" else (1.0, parameter.unit)
-        shape = (parameter.name, parameter.value * wide, of)
+        shape = ShapeSummary(name=parameter.name, value=parameter.value * wide, unit=of)
     return FoundTerm(
         term=term,
         coefficient=form.size * form.coefficients[number] / term.scale**term.degree,

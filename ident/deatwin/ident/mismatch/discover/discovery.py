@@ -58,7 +58,7 @@ class FoundTerm:
     term: Primitive  # with its shape as fitted
     coefficient: float  # factor of the term if its variable is not scaled, in `unit`
     unit: str  # SI
-    shape: tuple[str, float, str] | None  # name, SI value and unit of the shape parameter, if any
+    shape: ShapeSummary | None  # the shape parameter, if any
     inclusion: float  # share of the resampled records that chose it, or one that can hardly be distinguished from it
 
     @property
@@ -75,12 +75,8 @@ class FoundTerm:
     @property
     def summary(self) -> TermSummary:
         """Return the summary for a diagnosis; SI."""
-        shape = None
-        if self.shape is not None:
-            name, value, unit = self.shape
-            shape = ShapeSummary(name=name, value=value, unit=unit)
         return TermSummary(
-            term=self.text, coefficient=self.coefficient, unit=self.unit, shape=shape, inclusion=self.inclusion
+            term=self.text, coefficient=self.coefficient, unit=self.unit, shape=self.shape, inclusion=self.inclusion
         )
 
 

@@ -1,4 +1,14 @@
-"""Location of the mismatch in frequency."""
+"""Location of the mismatch in frequency: in bands and, under a periodic input, by groups of spectral lines.
+
+A periodic input excites some lines of the spectrum. A residual on these comes from wrong linear dynamics or a wrong
+gain; a residual on even lines that were not excited comes from an even nonlinearity, and on odd ones from an odd one.
+The part that differs from period to period comes from noise or from something that drifts.
+
+References
+----------
+Schoukens, Vaes, Pintelon, "Linear system identification in a nonlinear setting: nonparametric analysis of the nonlinear
+distortions and their impact on the best linear approximation", IEEE Control Syst. 36 (2016) 38-69.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +16,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, fdtrc
 
-from deatwin.ident.mismatch.locate.discoveries import discoveries
-from deatwin.ident.mismatch.locate.track import FEWEST, Track
-from deatwin.ident.mismatch.located import Band
-from deatwin.ident.mismatch.thresholds import SEGMENT_SAMPLES
+from deatwin.ident.mismatch.locate.track import FEWEST, SI, Track, Unit
+from deatwin.ident.mismatch.located import Band, LineGroup
+from deatwin.ident.mismatch.thresholds import ACCURACY, CHANCE, NEGLIGIBLE, SEGMENT_SAMPLES, TINY
+from deatwin.plant.amplitudes import axis_label, written_unit
+from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, coordinate, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
 
@@ -59,6 +70,7 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
     # squared law of an averaged periodogram, with the false-discovery rate held at 5 % over all lines, and must have at
     # least twice the power of the noise; neighbouring lines are joined.
     from scipy.signal import welch
+    from scipy.stats import false_discovery_control
 
     step = tracks[0].sample_time
     shortest = min(track.residual.size for track in tracks)
@@ -76,7 +88,9 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
     ratio[-1] *= 2
     # Neighbouring half-overlapping Hann segments have a correlation of 1/6, so k of them count as k / (1 + 2/36).
     degrees = 2 * max(1.0, segments * 18 / 19)
-    lines = np.flatnonzero(discoveries(chdtrc(degrees, ratio * degrees)) & (ratio > LOUD))
+    # Readings without any noise may leave a line without a p-value: it shows nothing.
+    p_values = np.nan_to_num(chdtrc(degrees, ratio * degrees), nan=1.0)
+    lines = np.flatnonzero((false_discovery_control(p_values) <= CHANCE) & (ratio > LOUD))
     width = frequency[1]
     bands = []
     for run in _runs(lines):
@@ -93,3 +107,109 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
 def _runs(lines: np.ndarray) -> list[np.ndarray]:
     """Group consecutive integers; a gap of one line does not split a group."""
     return [run for run in np.split(lines, np.flatnonzero(np.diff(lines) > 2) + 1) if run.size]
+
+
+FEWEST_PERIODS = 2
+WORDS = {
+    "excited": "in the input",
+    "odd": "odd, not in\nthe input",
+    "even": "even, not in\nthe input",
+    "varying": "all, differing\nbetween periods",
+}
+"""Groups of lines in words."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lines(Described):
+    """The residual under a periodic input, by groups of lines."""
+
+    period_s: float = field(metadata=variable(name="period", unit="s", about="period of the input"))
+    periods: int = field(metadata=variable(about="periods that were compared"))
+    groups: tuple[LineGroup, ...] = field(metadata=table_along("group"))  # those that have lines
+
+    def plot(self, ax: Axes | None = None, *, unit: Unit = SI) -> Axes:
+        """Draw the rms of each group; `unit` is a name and its SI size."""
+        ax = axes_or_new(ax)
+        name, size = unit
+        bars = ax.bar([WORDS[g.kind] for g in self.groups], [g.rms / size for g in self.groups], color="C0")
+        ax.bar_label(bars, [f"p = {g.p_value:.2g}" for g in self.groups], fontsize="small")
+        ax.margins(y=0.15)
+        ax.set_xlabel(f"harmonics of the input, which has a period of {self.period_s:.3g} s")
+        ax.set_ylabel(axis_label("residual, rms", written_unit(name)))
+        return ax
+
+
+def locate_lines(tracks: Sequence[Track], noise: float) -> Lines | None:
+    """Sort the residual under the longest periodic command by lines; None if no record holds two periods."""
+    # The first signal of each track is the command.
+    for track in sorted(tracks, key=lambda t: -t.residual.size):
+        command = next(iter(track.signals.values()), np.empty(0))
+        period = _period(command)
+        if period is not None:
+            return _grouped(track, command, period, noise)
+    return None
+
+
+def _period(command: Array) -> int | None:
+    """Return after how many samples a command repeats, counted back from its end, at least `FEWEST_PERIODS` times."""
+    n, span = command.size, float(np.ptp(command)) if command.size else 0.0
+    if not span > 0:
+        return None
+    last = command[::-1] - command.mean()
+    longest = n // FEWEST_PERIODS
+    # Squared distance of the command's end from the same command shifted: zero if it repeats.
+    head = last[: n - longest]
+    if np.ptp(head) <= ACCURACY * span:  # it rests, as after a step
+        return None
+    squares = np.concatenate([[0.0], np.cumsum(last**2)])
+    size = 1 << (2 * n).bit_length()
+    cross = np.fft.irfft(np.fft.rfft(last, size) * np.conj(np.fft.rfft(head, size)), size)[: longest + 1]
+    shifts = np.arange(longest + 1)
+    apart = squares[head.size] + squares[shifts + head.size] - squares[shifts] - 2 * cross
+    alike = np.flatnonzero(apart[1:] <= (10 * ACCURACY * span) ** 2 * head.size) + 1
+    for shift in alike[alike > 2]:  # shorter periods have no line between 0 and the Nyquist frequency
+        if np.abs(last[shift : shift + head.size] - head).max() <= ACCURACY * span:
+            return int(shift)
+    return None
+
+
+def _grouped(track: Track, command: Array, period: int, noise: float) -> Lines:
+    # The first period is left out if enough others remain, because the plant may not have settled in it.
+    kept = max(_repeats(command, period) - 1, FEWEST_PERIODS)
+    spectra = np.fft.rfft(track.residual[-kept * period :].reshape(kept, period), axis=1)[:, 1 : (period + 1) // 2]
+    drive = np.abs(np.fft.rfft(command[-period:]))[1 : (period + 1) // 2]
+    mean = spectra.mean(axis=0)
+    varying = (np.abs(spectra - mean) ** 2).sum(axis=0) / (kept - 1)
+    numbers = np.arange(1, mean.size + 1)
+    excited = drive > NEGLIGIBLE * drive.max()
+    kinds = {"excited": excited, "odd": ~excited & (numbers % 2 == 1), "even": ~excited & (numbers % 2 == 0)}
+    groups = [
+        _group(kind, np.abs(mean[mask]) ** 2, varying[mask], kept, period) for kind, mask in kinds.items() if mask.any()
+    ]
+    degrees = 2 * mean.size * (kept - 1)
+    excess = float(varying.sum()) * 2 * (kept - 1) / (noise**2 * period)
+    rms = float(np.sqrt(2 * varying.sum())) / period
+    groups.append(LineGroup(kind="varying", rms=rms, p_value=float(chdtrc(degrees, excess)), lines=mean.size))
+    return Lines(period_s=period * track.sample_time, periods=kept, groups=tuple(groups))
+
+
+def _group(kind: str, power: Array, varying: Array, periods: int, period: int) -> LineGroup:
+    """Test the mean over periods against the variation between them (Fisher's F, two degrees of freedom per line)."""
+    count = power.size
+    ratio = float(power.sum()) * periods / max(float(varying.sum()), TINY)
+    steady = max(0.0, float((power - varying / periods).sum()))
+    return LineGroup(
+        kind=kind,
+        rms=float(np.sqrt(2 * steady)) / period,
+        p_value=float(fdtrc(2 * count, 2 * count * (periods - 1), ratio)),
+        lines=count,
+    )
+
+
+def _repeats(command: Array, period: int) -> int:
+    """Return the number of complete periods at the end of a command."""
+    span = float(np.ptp(command))
+    same = np.abs(command[period:] - command[:-period]) <= ACCURACY * span
+    broken = np.flatnonzero(~same)
+    repeated = command.size - (int(broken[-1]) + 1 if broken.size else 0)
+    return repeated // period

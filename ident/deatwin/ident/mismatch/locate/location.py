@@ -10,8 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from deatwin.ident.mismatch.datasets import places
-from deatwin.ident.mismatch.locate.frequency import Bands, locate_frequency
-from deatwin.ident.mismatch.locate.lines import Lines, locate_lines
+from deatwin.ident.mismatch.locate.frequency import Bands, Lines, locate_frequency, locate_lines
 from deatwin.ident.mismatch.locate.place import Places, locate_place
 from deatwin.ident.mismatch.locate.region import Regions, locate_region
 from deatwin.ident.mismatch.locate.response import draw_response, locate_response

@@ -11,10 +11,9 @@ from types import MappingProxyType
 import numpy as np
 from scipy.special import ndtr
 
-from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
 from deatwin.ident.mismatch.located import Region
-from deatwin.ident.mismatch.thresholds import DEVIATIONS, SETTLING_SECONDS, TINY
+from deatwin.ident.mismatch.thresholds import CHANCE, DEVIATIONS, SETTLING_SECONDS, TINY
 from deatwin.ident.soundness import samples_in
 from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import Axes, axes_or_new
@@ -92,7 +91,10 @@ def _legend(name: str, low: float, high: float, unit: str) -> str:
 def locate_region(tracks: Sequence[Track], unit: float) -> Regions:
     """Return ranges of operating signals in which the mean residual, over `unit`, SI, is not 0, the largest first."""
     # Each signal is cut into bins of equal counts; their means are tested with one independent value a second and a
-    # false-discovery rate of 5 % over all bins of all signals. Neighbours of one sign are joined.
+    # false-discovery rate of 5 % over all bins of all signals (Benjamini & Hochberg, J. R. Stat. Soc. B 57 (1995) 289,
+    # doi:10.1111/j.2517-6161.1995.tb02031.x). Neighbours of one sign are joined.
+    from scipy.stats import false_discovery_control
+
     residual = np.concatenate([t.residual for t in tracks]) / unit
     # The clocks of several experiments overlap, so seconds of different records are kept apart.
     seconds = np.concatenate([np.floor(t.timepts) + 1e9 * k for k, t in enumerate(tracks)])
@@ -102,7 +104,7 @@ def locate_region(tracks: Sequence[Track], unit: float) -> Regions:
         for name in operating[0]
         for one in _bins(name, np.concatenate([signals[name] for signals in operating]), residual, seconds)
     ]
-    passed = discoveries(np.array([one.p_value for one in bins]))
+    passed = false_discovery_control([one.p_value for one in bins]) <= CHANCE
     regions: list[Region] = []
     last, weight = ("", -2), 0
     for one, good in zip(bins, passed, strict=True):

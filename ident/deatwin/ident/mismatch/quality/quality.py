@@ -14,6 +14,7 @@ import numpy as np
 from deatwin.ident.greybox.parts import Part, settled
 from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.quality import suspects
+from deatwin.ident.mismatch.result import Fault
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.thresholds import NEGLIGIBLE, PRACTICAL_SHARE
 from deatwin.ident.soundness import noise_of_bends, resolution, runs
@@ -24,7 +25,7 @@ from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.prefixes import time_span
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.words import spaced
 
 Masks = tuple[tuple[np.ndarray, ...], ...]
@@ -33,6 +34,8 @@ UNSEEN_SHARE = 0.3
 FEWEST_PER_PARAMETER = 20
 FEWEST_FAULTY = 10
 """Number of faulty samples that no sound recording exceeds, unless they are a negligible share of all samples."""
+OF_READING = ("the reading is stuck", "the reading has outliers")
+"""Faults of the first reading, which decide the verdict."""
 MOST_STRETCHES = 6
 """Largest number of stretches that are listed one by one in a line; nobody reads more."""
 
@@ -136,23 +139,10 @@ class DataQuality(Described):
             )
         return self.settled
 
-    @property
-    def _none(self) -> Masks:
-        """Return marks with no sample marked."""
-        return tuple(tuple(np.zeros_like(mask) for mask in masks) for masks in self.stuck)
-
-    def _bursts(self, name: str) -> Masks:
-        """Return the samples of a reading that are in its bursts."""
-        return self.bursts.get(name) or self._none
-
     def _left_out(self, name: str) -> Masks:
         """Return samples of a reading that are left out although they are sound."""
-        return marked_in_any(
-            self._bursts(name),
-            self.stuck_further.get(name, self._none),
-            self.unknown or self._none,
-            self._unsettled,
-        )
+        kinds = (self.bursts.get(name), self.stuck_further.get(name), self.unknown, self._unsettled)
+        return marked_in_any(*(masks for masks in kinds if masks))
 
     @property
     def _unsettled(self) -> Masks:
@@ -248,13 +238,13 @@ class DataQuality(Described):
         """
         axes, passed = axes_or_new(ax), 0.0
         unit, size = written_amplitude(self.experiments[0].recordings[0].output_units[0])
-        kinds = (
+        kinds = [
             ("stuck", self.stuck, "C3", "s"),
             ("outlier", self.outliers, "C1", "x"),
             ("at a limit", self.clipped, "C4", "_"),
             ("jump", self.jumps, "C2", "^"),
-            ("noisier", self._bursts(""), "C5", "."),
-        )
+        ]
+        kinds += [("noisier", self.bursts[""], "C5", ".")] if "" in self.bursts else []
         marked: dict[str, list[np.ndarray]] = {}
         for k, experiment in enumerate(self.experiments):
             for number, record in enumerate(experiment.recordings):
@@ -320,16 +310,12 @@ def check_quality(plant: Plant, experiments: Experiment | Recording | Sequence[E
 
 def _elsewhere(stuck: Masks, experiments: Sequence[Experiment], find: Callable[[Recording], np.ndarray]) -> Masks:
     """Return the samples that `find` marks, except in and next to stuck stretches, which are reported already."""
+    from scipy.ndimage import binary_dilation
+
     return tuple(
-        tuple(find(record) & ~_with_neighbours(mask) for record, mask in zip(experiment.recordings, masks, strict=True))
+        tuple(find(record) & ~binary_dilation(mask) for record, mask in zip(experiment.recordings, masks, strict=True))
         for experiment, masks in zip(experiments, stuck, strict=True)
     )
-
-
-def _with_neighbours(mask: np.ndarray) -> np.ndarray:
-    """Return the marked samples and those next to them."""
-    padded = np.pad(mask, 1)
-    return np.asarray(padded[:-2] | mask | padded[2:])
 
 
 def _listed(
@@ -387,28 +373,29 @@ def split(
     """
     # The last 30 % of the sound samples of each record are held out. If the mismatch begins within these, the last 30 %
     # of the samples after its onset are held out instead, so that the fit includes a part of the mismatch.
-    fitted, unseen, everything, further = [], [], [], []
+    first: list[tuple[Part, Part, Part]] = []
+    further: list[tuple[Part, Part, Part]] = []
     for number, (experiment, sound) in enumerate(zip(checked.experiments, checked.usable, strict=True)):
         cuts = [_cut(record, mask, onset) for record, mask in zip(experiment.recordings, sound, strict=True)]
-        early = tuple(np.arange(m.size) < cut for m, cut in zip(sound, cuts, strict=True))
-        if not any((s & e).any() for s, e in zip(sound, early, strict=True)):
-            continue
+        early = [np.arange(m.size) < cut for m, cut in zip(sound, cuts, strict=True)]
         whole = Part(experiment=experiment, masks=sound, levels=levels[number] if levels else None)
-        fitted.append(replace(whole, masks=tuple(s & e for s, e in zip(sound, early, strict=True))))
-        unseen.append(replace(whole, masks=tuple(s & ~e for s, e in zip(sound, early, strict=True))))
-        everything.append(whole)
+        if not (three := _divided(whole, early))[0].size:
+            continue
+        first.append(three)
         for name, weight in weights.items():
-            known = checked.known(name)[number]
-            masks = [tuple(k & e for k, e in zip(known, early, strict=True))]
-            masks.append(tuple(k & ~e for k, e in zip(known, early, strict=True)))
-            if all(any(mask.any() for mask in some) for some in masks):
-                further.append(
-                    [Part(experiment=experiment, masks=m, reading=name, weight=weight) for m in (*masks, known)]
-                )
-    for three in further:
-        for parts, part in zip((fitted, unseen, everything), three, strict=True):
-            parts.append(part)
-    return tuple(fitted), tuple(unseen), tuple(everything)
+            known = Part(experiment=experiment, masks=checked.known(name)[number], reading=name, weight=weight)
+            three = _divided(known, early)
+            if three[0].size and three[1].size:
+                further.append(three)
+    fitted, unseen, everything = (tuple(three[k] for three in (*first, *further)) for k in range(3))
+    return fitted, unseen, everything
+
+
+def _divided(whole: Part, early: Sequence[np.ndarray]) -> tuple[Part, Part, Part]:
+    """Return the fitted part, with the `early` samples, (n,) for each record, the held-out part, and the whole."""
+    fitted = tuple(mask & own for mask, own in zip(whole.masks, early, strict=True))
+    unseen = tuple(mask & ~own for mask, own in zip(whole.masks, early, strict=True))
+    return replace(whole, masks=fitted), replace(whole, masks=unseen), whole
 
 
 def _cut(record: Recording, sound: np.ndarray, onset: float | None) -> int:
@@ -437,3 +424,27 @@ def _coarse(name: str, record: Recording) -> list[str]:
 
 def _called(record: Recording, number: int) -> str:
     return record.provenance.get("file", f"record {number + 1}")
+
+
+def faults_of(checked: DataQuality) -> tuple[Fault, ...]:
+    """Return one entry for each kind of fault in a recording."""
+    found: list[Fault] = []
+    kinds = list(zip(OF_READING, (checked.stuck, checked.outliers), strict=True))
+    kinds += [(f"the {spaced(name)} is stuck", masks) for name, masks in checked.stuck_further.items()]
+    for number, experiment in enumerate(checked.experiments):
+        for place, record in enumerate(experiment.recordings):
+            for fault, masks in kinds:
+                bad = record.timepts[masks[number][place]]
+                if bad.size:
+                    found.append(
+                        Fault(
+                            experiment=number + 1,
+                            recording=place + 1,
+                            file=label(record),
+                            fault=fault,
+                            samples=int(bad.size),
+                            from_s=float(bad[0]),
+                            to_s=float(bad[-1]),
+                        )
+                    )
+    return tuple(found)

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from deatwin.ident.mismatch.result import Repeatability
 from deatwin.ident.mismatch.thresholds import (
     ACCURACY,
     DEVIATIONS,
@@ -31,22 +32,6 @@ class Repeats:
     first: np.ndarray  # (m,), positions in all recordings, one after another
     second: np.ndarray  # (m,), positions of the repeats, likewise
     run: np.ndarray  # (m,), number of the stretch to which a pair belongs
-
-
-@dataclass(frozen=True, kw_only=True)
-class Repeatability:
-    """Similarity of a residual between repeats of the command."""
-
-    pairs: int  # number of samples compared
-    correlation: float  # of the residual with its repeat, each less its mean over the stretch
-    # Covariance with the repeat over variance beyond noise: 1 if all that the plant lacks is repeatable, 0 if nothing
-    # is
-    share: float
-    low: float  # `share` minus two standard deviations
-    high: float  # `share` plus two standard deviations
-    within: float  # variance of a single residual about its repeatable part, in squares of the residual's unit
-    # 1 - `within` over the residual's variance: the largest share that any deterministic model can explain
-    explainable: float
 
 
 def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats | None:
@@ -137,12 +122,10 @@ def repeatability(residual: np.ndarray, repeats: Repeats, noise: float) -> Repea
     within = float(np.mean((residual[repeats.first] - residual[repeats.second]) ** 2) / 2)
     total = float(np.var(np.concatenate([residual[repeats.first], residual[repeats.second]])))
     return Repeatability(
-        pairs=one.size,
         correlation=float(cross / square) if square > 0 else 0.0,
         share=share,
         low=share - DEVIATIONS * deviation,
         high=share + DEVIATIONS * deviation,
-        within=within,
         explainable=max(0.0, 1 - within / total) if total > 0 else 0.0,
     )
 

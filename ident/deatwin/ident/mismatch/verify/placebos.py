@@ -63,9 +63,13 @@ class Placebo:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Court:
-    """Comparison of changes of the readings, after subtracting what the plant's parameters can imitate."""
+class _Case:
+    """A named effect and the mismatch that it explains, without what the plant's parameters can imitate."""
 
+    name: str
+    gain: float  # fall of the held-out mean square due to the refit with the effect, SI
+    residual: np.ndarray  # (n,), without the effect
+    change: np.ndarray  # (n,), of the readings by the effect
     jacobian: np.ndarray  # (n, p), of the plant without the effect, columns of unit length
     fitted: np.ndarray  # (n,), bool, False for held-out samples
 
@@ -74,7 +78,17 @@ class _Court:
         solution = np.linalg.lstsq(self.jacobian[self.fitted], change[self.fitted], rcond=ACCURACY)[0]
         return change - self.jacobian @ solution
 
-    def gain(self, by: np.ndarray, of: np.ndarray) -> float:
+    @cached_property
+    def mismatch(self) -> np.ndarray:
+        """Return the remainder of the residual, (n,)."""
+        return self.left(self.residual)
+
+    @cached_property
+    def named(self) -> np.ndarray:
+        """Return the remainder of the effect's change, (n,)."""
+        return self.left(self.change)
+
+    def gained(self, by: np.ndarray, of: np.ndarray) -> float:
         """Return by how much the held-out mean square of `of` falls if `by` is fitted to it with an amplitude >= 0."""
         # Both are remainders as returned by `left`.
         energy = float(by[self.fitted] @ by[self.fitted])
@@ -85,65 +99,37 @@ class _Court:
         """Return the mean square of a change in the held-out data."""
         return float(np.mean(change[~self.fitted] ** 2))
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Case:
-    """A named effect, and the mismatch that it explains."""
-
-    court: _Court
-    name: str
-    gain: float  # fall of the held-out mean square due to the refit with the effect, SI
-    residual: np.ndarray  # (n,), without the effect
-    named: np.ndarray  # (n,), the effect's change of the readings, minus what the parameters can imitate
-
-    @cached_property
-    def mismatch(self) -> np.ndarray:
-        """Return the residual minus what the parameters can imitate, shape (n,)."""
-        return self.court.left(self.residual)
-
-    @property
-    def gain_beyond(self) -> float:
-        """Return the refit's gain beyond that of the parameters alone, to first order, SI."""
-        return self.gain - (self.court.unseen_power(self.residual) - self.court.unseen_power(self.mismatch))
-
     def opposite(self) -> Placebo:
         """Judge the effect with the wrong sign, relative to the refit: to first order only one of both signs can gain."""
-        share = self.court.gain(-self.named, self.mismatch) / self.gain
+        share = self.gained(-self.named, self.mismatch) / self.gain
         return Placebo(effect=self.name, kind=PlaceboKind.OPPOSITE, share=share, expected=0.0)
-
-    def backwards(self, change: np.ndarray) -> Placebo:
-        """Judge the effect with reversed commands, relative to the effect's first-order gain."""
-        return self._best(PlaceboKind.BACKWARDS, [change], at_least=0.0)
 
     def random_phases(self, changes: Sequence[np.ndarray]) -> Placebo:
         """Judge signals with the effect's spectrum, relative to the larger of its first-order gain and the refit's."""
-        # These signals are added to the readings, so their first-order gain is exact; that of the effect is not.
-        return self._best(PlaceboKind.RANDOM_PHASES, changes, at_least=self.gain_beyond)
+        # These signals are added to the readings, so their first-order gain is exact; that of the effect is not. The
+        # refit's gain counts beyond that of the parameters alone.
+        by_parameters = self.unseen_power(self.residual) - self.unseen_power(self.mismatch)
+        return self.best(PlaceboKind.RANDOM_PHASES, changes, at_least=self.gain - by_parameters)
 
-    def _best(self, kind: PlaceboKind, changes: Sequence[np.ndarray], at_least: float) -> Placebo:
+    def best(self, kind: PlaceboKind, changes: Sequence[np.ndarray], at_least: float = 0.0) -> Placebo:
         """Judge the best of several placebo effects that differ from the effect, whose gain is at least `at_least`, SI."""
-        own, whole = (self.court.gain(self.named, of) for of in (self.mismatch, self.named))
+        own, whole = (self.gained(self.named, of) for of in (self.mismatch, self.named))
         if own < MOST * self.gain:
-            return self.skipped(kind, "the readings do not change linearly with the effect")
-        placebos, against = [self.court.left(change) for change in changes], max(own, at_least)
+            return _skipped(self.name, kind, "the readings do not change linearly with the effect")
+        placebos, against = [self.left(change) for change in changes], max(own, at_least)
         pairs = [
-            (self.court.gain(placebo, self.mismatch) / against, self.court.gain(placebo, self.named) / whole)
+            (self.gained(placebo, self.mismatch) / against, self.gained(placebo, self.named) / whole)
             for placebo in placebos
         ]
         distinct = [pair for pair in pairs if pair[1] <= MOST]
         if 2 * len(distinct) <= len(pairs):
-            return self.skipped(kind, "with these inputs the placebo hardly differs from the real effect")
+            return _skipped(self.name, kind, "with these inputs the placebo hardly differs from the real effect")
         share, expected = max(distinct)
         return Placebo(effect=self.name, kind=kind, share=share, expected=expected)
 
-    def skipped(self, kind: PlaceboKind, reason: str) -> Placebo:
-        """Return a placebo effect that was skipped for a reason."""
-        return Placebo(effect=self.name, kind=kind, skipped=reason)
 
-
-def _none_judged(name: str, reason: str) -> tuple[Placebo, ...]:
-    """Return skipped placebo effects of all kinds."""
-    return tuple(Placebo(effect=name, kind=kind, skipped=reason) for kind in PlaceboKind)
+def _skipped(effect: str, kind: PlaceboKind, reason: str) -> Placebo:
+    return Placebo(effect=effect, kind=kind, skipped=reason)
 
 
 def placebo_effects(
@@ -163,14 +149,20 @@ def placebo_effects(
     problem = Problem(plant=without.plant, parts=tuple(everything), names=without.names)
     evaluated, change = problem.evaluate(problem.start()), _change(without.plant, effect, everything)
     if evaluated is None or change is None:
-        return _none_judged(effect.name, "the model cannot be simulated without the effect, or with the placebo effect")
+        reason = "the model cannot be simulated without the effect, or with the placebo effect"
+        return tuple(_skipped(effect.name, kind, reason) for kind in PlaceboKind)
     if gain <= 0:
-        return _none_judged(effect.name, "the effect does not lower the error, so there is nothing to compare")
+        reason = "the effect does not lower the error, so there is nothing to compare"
+        return tuple(_skipped(effect.name, kind, reason) for kind in PlaceboKind)
     residual, jacobian = evaluated
     length = np.linalg.norm(jacobian, axis=0)
-    court = _Court(jacobian=jacobian / np.where(length > 0, length, 1.0), fitted=_fitted(fitted, everything))
     case = _Case(
-        court=court, name=effect.name, gain=gain, residual=residual, named=court.left(_counted(change, everything))
+        name=effect.name,
+        gain=gain,
+        residual=residual,
+        change=_counted(change, everything),
+        jacobian=jacobian / np.where(length > 0, length, 1.0),
+        fitted=_fitted(fitted, everything),
     )
     drawn = [[[phase_randomised(y, rng) for y in each] for each in change] for _ in range(DRAWS)]
     return (
@@ -184,11 +176,13 @@ def _judged_backwards(case: _Case, plant: Plant, effect: Effect, parts: Sequence
     """Judge an effect with reversed commands if it has a memory; `plant` is without it."""
     # Reversed commands also reverse the memory of all else in the plant, which says nothing about the effect.
     if not _has_memory(effect, plant):
-        return case.skipped(PlaceboKind.BACKWARDS, "the effect has no memory, so it is the same backwards in time")
+        return _skipped(
+            effect.name, PlaceboKind.BACKWARDS, "the effect has no memory, so it is the same backwards in time"
+        )
     turned = _change(plant, effect, [_backwards(part) for part in parts])
     if turned is None:
-        return case.skipped(PlaceboKind.BACKWARDS, "the model cannot be simulated with reversed commands")
-    return case.backwards(_counted(_forwards(turned), parts))
+        return _skipped(effect.name, PlaceboKind.BACKWARDS, "the model cannot be simulated with reversed commands")
+    return case.best(PlaceboKind.BACKWARDS, [_counted(_forwards(turned), parts)])
 
 
 def _has_memory(effect: Effect, plant: Plant) -> bool:

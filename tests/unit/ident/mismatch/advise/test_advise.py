@@ -18,7 +18,7 @@ from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.advise import distance, question
 from deatwin.ident.mismatch.advise.advise import SCREENED, _labels, _needed, advise
-from deatwin.ident.mismatch.advise.waveforms import BIPOLAR, REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
+from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.decide import Distance
@@ -43,6 +43,7 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.files import read_commands
 
 STEP = 0.02
+BIPOLAR = {"holds of alternating polarity"}
 NOMINAL = Plant(rig=Diaphragm())
 WRONG = {"shear_modulus": 29e3, "stretch_limit": 140.0, "permittivity": 4.3, "damping": 0.06}
 

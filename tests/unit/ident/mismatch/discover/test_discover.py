@@ -213,9 +213,8 @@ def test_its_numbers_are_those_of_the_concealed_law(kind, coefficient, unit, sha
     if shape is None:
         assert term.shape is None
     else:
-        name, value, of = term.shape
-        assert (name, of) == (shape[0], shape[2])
-        assert value == pytest.approx(shape[1], rel=0.1)
+        assert (term.shape.name, term.shape.unit) == (shape[0], shape[2])
+        assert term.shape.value == pytest.approx(shape[1], rel=0.1)
     assert term.inclusion >= 0.9
 
 

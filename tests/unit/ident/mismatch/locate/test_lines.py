@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.locate.frequency import locate_frequency
-from deatwin.ident.mismatch.locate.lines import locate_lines
+from deatwin.ident.mismatch.locate.frequency import locate_frequency, locate_lines
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.locate.region import locate_region
 from deatwin.ident.mismatch.locate.time import locate_time

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from deatwin.ident.mismatch.quality.beside import without_faults
-from deatwin.ident.mismatch.quality.faults import faults_of
-from deatwin.ident.mismatch.quality.quality import Soundness, check_quality, split
+from deatwin.ident.mismatch.quality.compared import without_faults
+from deatwin.ident.mismatch.quality.quality import Soundness, check_quality, faults_of, split
 from deatwin.ident.mismatch.quality.suspects import held
 from deatwin.plant import Experiment, Planar, Plant, Reading, Recording
 

@@ -8,7 +8,7 @@ from oscillator import DAMPING, MASS, STIFFNESS, Oscillator
 from scipy.signal import cont2discrete, dlsim
 
 from deatwin.ident.mismatch.prepare import prepare
-from deatwin.ident.mismatch.quality.factor import factors, require_same_scale
+from deatwin.ident.mismatch.quality.compared import factors, require_same_scale
 from deatwin.ident.mismatch.quality.quality import check_quality
 from deatwin.plant import DataError, Plant, Recording
 

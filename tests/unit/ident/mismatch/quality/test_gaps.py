@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oscillator import MASS, Oscillator
 
-from deatwin.ident.mismatch.quality.gaps import without_unknown
+from deatwin.ident.mismatch.quality.compared import without_unknown
 from deatwin.ident.mismatch.quality.quality import check_quality, split
 from deatwin.plant import Experiment, Planar, Plant, Reading, Recording
 

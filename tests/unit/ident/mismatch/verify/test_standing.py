@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch.naming.decide import Naming
-from deatwin.ident.mismatch.verify import standing
+from deatwin.ident.mismatch.verify import verify as verifying
 
 
 def known(*effects: str, rms: float, given_up: bool = False) -> SimpleNamespace:
@@ -38,24 +38,24 @@ def test_what_stands_without_an_effect_that_unseen_data_do_not_show(alone, alter
         probabilities={PAIR.effects: 1.0},
         noise=2.0,
     )
-    found = standing._without_doubted(naming, SimpleNamespace(doubted=doubted, perhaps_absent=()))
+    found = verifying._without_doubted(naming, SimpleNamespace(doubted=doubted, perhaps_absent=()))
     assert found == [alone] * spared
 
 
 def test_a_rival_that_the_naming_has_already_stands_whatever_it_takes():
     alone = known("creep", rms=8.0)
     naming = Naming(candidates=(BASE, alone, PAIR), best=PAIR, alternatives=(alone,), probabilities={}, noise=2.0)
-    assert standing._without_doubted(naming, SimpleNamespace(doubted=["delay"], perhaps_absent=())) == [alone]
-    assert standing._without_doubted(replace(naming, best=None), SimpleNamespace(doubted=[], perhaps_absent=())) == []
+    assert verifying._without_doubted(naming, SimpleNamespace(doubted=["delay"], perhaps_absent=())) == [alone]
+    assert verifying._without_doubted(replace(naming, best=None), SimpleNamespace(doubted=[], perhaps_absent=())) == []
 
 
 def test_without_an_effect_that_may_be_absent_any_values_of_the_rig_are_possible(monkeypatch):
     """Where removal of the effect hardly raises the error, values beyond the rig's ranges refute what is left."""
     alone = known("creep", rms=3.0)
     naming = Naming(candidates=(BASE, alone, PAIR), best=PAIR, alternatives=(), probabilities={}, noise=2.0)
-    monkeypatch.setattr(standing, "held_back_by", lambda candidate: ("shear_modulus",))
+    monkeypatch.setattr(verifying, "held_back_by", lambda candidate: ("shear_modulus",))
     for absent, spared in ((("delay",), [alone]), ((), [])):
-        assert standing._without_doubted(naming, SimpleNamespace(doubted=["delay"], perhaps_absent=absent)) == spared
+        assert verifying._without_doubted(naming, SimpleNamespace(doubted=["delay"], perhaps_absent=absent)) == spared
 
 
 ALONE = known("creep", rms=2.2)
@@ -65,8 +65,8 @@ def first_that_stands(monkeypatch, several: list[Naming], **said: list) -> tuple
     """What verification says of one explanation after another is given."""
     each = zip(*said.values(), strict=True)
     verified = iter([SimpleNamespace(perhaps_absent=(), **dict(zip(said, one, strict=True))) for one in each])
-    monkeypatch.setattr(standing, "verify", lambda *_: next(verified))
-    return standing.first_that_stands(iter(several), None, np.random.default_rng(0), lambda text: None)
+    monkeypatch.setattr(verifying, "verify", lambda *_: next(verified))
+    return verifying.first_that_stands(iter(several), None, np.random.default_rng(0), lambda text: None)
 
 
 def named_by(best: SimpleNamespace | None, *alternatives: SimpleNamespace) -> Naming:
@@ -91,7 +91,7 @@ def test_what_was_refuted_is_no_rival_of_the_next_and_nothing_that_it_could_be_s
     assert stands and naming.alternatives == (OTHER,)
     assert naming.probabilities == {PAIR.effects: 0.5, OTHER.effects: 0.5}
     # without the delay, of which held-out data are not certain, the refuted creep is left
-    assert standing._without_doubted(several[1], SimpleNamespace(doubted=["delay"], perhaps_absent=())) == [ALONE]
+    assert verifying._without_doubted(several[1], SimpleNamespace(doubted=["delay"], perhaps_absent=())) == [ALONE]
     _, _, stands = first_that_stands(monkeypatch, several, holds=[False, False], doubted=[(), ("delay",)])
     assert not stands
     # what was refuted in one form of the plant was not in another one

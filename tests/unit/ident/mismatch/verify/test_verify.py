@@ -20,7 +20,6 @@ from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.placebos import (
     PlaceboKind,
     _Case,
-    _Court,
     backwards,
     phase_randomised,
     placebo_effects,
@@ -177,12 +176,14 @@ def test_random_phases_compete_with_the_refit_and_what_runs_backwards_with_the_f
     """A refit that gains half as much again as first order says: signals that are only added have no such reserve."""
     rng = np.random.default_rng(0)
     jacobian = rng.normal(size=(400, 2))
-    court = _Court(jacobian=jacobian, fitted=np.arange(400) < 250)
-    named, other = court.left(rng.normal(size=400)), court.left(rng.normal(size=400))
+    change, other = rng.normal(size=400), rng.normal(size=400)
+    fitted = np.arange(400) < 250
+    case = _Case(name="creep", gain=1.0, residual=change, change=change, jacobian=jacobian, fitted=fitted)
+    named, other = case.named, case.left(other)
     mismatch = named + 0.9 * other
-    own, gained = court.gain(named, mismatch), court.gain(other, mismatch)
-    case = _Case(court=court, name="creep", gain=1.5 * own, residual=mismatch, named=named)
-    assert case.backwards(other).share == pytest.approx(gained / own)
+    own, gained = case.gained(named, mismatch), case.gained(other, mismatch)
+    case = replace(case, gain=1.5 * own, residual=mismatch)
+    assert case.best(PlaceboKind.BACKWARDS, [other]).share == pytest.approx(gained / own)
     assert case.random_phases([other]).share == pytest.approx(gained / (1.5 * own))
     less = replace(case, gain=0.5 * own)  # the refit fell short of what first order has
     assert less.random_phases([other]).share == pytest.approx(gained / own)
@@ -193,7 +194,7 @@ def test_random_phases_compete_with_the_refit_and_what_runs_backwards_with_the_f
     by_parameters = np.mean(biased.residual[250:] ** 2) - np.mean(mismatch[250:] ** 2)
     assert own < 1.8 * own - by_parameters < 1.7 * own
     assert biased.random_phases([other]).share == pytest.approx(gained / (1.8 * own - by_parameters))
-    assert biased.backwards(other).share == pytest.approx(gained / own)
+    assert biased.best(PlaceboKind.BACKWARDS, [other]).share == pytest.approx(gained / own)
 
 
 @COMPILED
@@ -234,14 +235,14 @@ def test_the_linear_refit_is_least_squares_of_all_regressors_together():
     jacobian, change, residual = rng.normal(size=(300, 4)), rng.normal(size=300), rng.normal(size=300)
     residual += 2.0 * change
     fitted = np.arange(300) < 200
-    court = _Court(jacobian=jacobian, fitted=fitted)
-    gained = court.gain(court.left(change), court.left(residual))
+    case = _Case(name="creep", gain=1.0, residual=residual, change=change, jacobian=jacobian, fitted=fitted)
+    gained = case.gained(case.named, case.mismatch)
     alone = np.linalg.lstsq(jacobian[fitted], residual[fitted])[0]
     together = np.linalg.lstsq(np.c_[jacobian, change][fitted], residual[fitted])[0]
     before = residual[~fitted] - jacobian[~fitted] @ alone
     after = residual[~fitted] - np.c_[jacobian, change][~fitted] @ together
     assert gained == pytest.approx(np.mean(before**2) - np.mean(after**2), rel=1e-9)
-    assert court.gain(-court.left(change), court.left(residual)) == 0.0
+    assert case.gained(-case.named, case.mismatch) == 0.0
 
 
 def test_backwards_twice_is_forwards():
