@@ -179,7 +179,7 @@ def drawn(number: int) -> tuple[str, float, Reading]:
     "first",
     [
         pytest.param(0, id="drifts and compressions"),
-        pytest.param(40, id="steps and tails", marks=pytest.mark.xfail(reason="36 of 40 are named", strict=True)),
+        pytest.param(40, id="steps and tails"),
     ],
 )
 def test_of_forty_faults_that_displacement_leaves_open_current_or_capacitance_names_most(first):

@@ -130,6 +130,18 @@ class Candidate:
         return np.concatenate([self.calibration.residuals, self.unseen])
 
     @property
+    def fitted_part(self) -> Candidate:
+        """The same candidate without held-out data."""
+        size = self.calibration.residuals.size
+        return replace(
+            self,
+            unseen=np.zeros(0),
+            sizes=tuple((fitted, 0) for fitted, _ in self.sizes),
+            measured=self.measured[:size],
+            level=self.level[:size],
+        )
+
+    @property
     def pieces(self) -> tuple[int, ...]:
         """Numbers of samples of the pieces of ``residuals``: first all fitted pieces, then all held-out pieces."""
         sizes = self.sizes or ((self.calibration.residuals.size, self.unseen.size),)

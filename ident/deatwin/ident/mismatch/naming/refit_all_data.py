@@ -122,15 +122,7 @@ def _odds(whole: Candidate, first: Candidate, leads: bool) -> float:
 
 def _is_as_likely_there(alternative: Candidate, best: Candidate) -> bool:
     """Return whether the fitted data alone are no strong evidence against an alternative."""
-    return is_as_likely(_of_the_fitted_part(alternative), _of_the_fitted_part(best))
-
-
-def _of_the_fitted_part(candidate: Candidate) -> Candidate:
-    size = candidate.calibration.residuals.size
-    sizes = tuple((fitted, 0) for fitted, _ in candidate.sizes)
-    return replace(
-        candidate, unseen=np.zeros(0), sizes=sizes, measured=candidate.measured[:size], level=candidate.level[:size]
-    )
+    return is_as_likely(alternative.fitted_part, best.fitted_part)
 
 
 def fitted_to_all(candidate: Candidate, parts: Sequence[Part]) -> Candidate | None:

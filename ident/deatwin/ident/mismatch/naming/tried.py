@@ -12,6 +12,7 @@ from deatwin.ident.mismatch.model_error import model_error_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.criteria import TRIFLE, acts, explained, gained, held_back_by, takes_most
 from deatwin.ident.mismatch.naming.decide import Distances, Naming, decide, with_distances
+from deatwin.ident.mismatch.naming.evidence_ratio import advantage
 from deatwin.ident.mismatch.naming.refit_all_data import settled_on_everything
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, completed, refitted, run_trials, with_fitted, with_little
 from deatwin.ident.mismatch.naming.weigh import Scale
@@ -201,6 +202,12 @@ class Tried:
         """Return whether a candidate removes most of the mismatch, in a plant within its ranges."""
         return takes_most(candidate, self.tried[()]) and not held_back_by(candidate)
 
+    def may_return(self, best: Candidate | None, candidate: Candidate) -> bool:
+        """Return whether fits to all recordings may restore a candidate as an alternative to `best`."""
+        # It may have failed where it was extrapolated, and then need not remove most of the mismatch there.
+        fitted = takes_most(candidate.fitted_part, self.tried[()].fitted_part) and not held_back_by(candidate)
+        return (fitted or self.is_possible(candidate)) and not (best is not None and self.is_refuted(candidate, best))
+
     def counts(self, candidate: Candidate) -> bool:
         """Return whether a candidate's effects explain most of the mismatch in a plant within its ranges."""
         return self.is_possible(candidate) and acts(candidate, self.tried[()])
@@ -218,15 +225,15 @@ class Tried:
 
     def with_distances(self, naming: Naming, competing: Sequence[Candidate]) -> Naming:
         """Add to a decision the `competing` candidates that these inputs cannot distinguish from its best."""
-        scale = self.scale
         return with_distances(
-            naming,
-            competing,
-            self.problem,
-            self.is_possible,
-            known=self._distances,
-            refuted=lambda other, best: scale.over(best, other) > STRONG,
+            naming, competing, self.problem, self.is_possible, known=self._distances, refuted=self.is_refuted
         )
+
+    def is_refuted(self, candidate: Candidate, best: Candidate) -> bool:
+        """Return whether the likelihood is strong evidence for `best` over a candidate whose law may err, and the
+        held-out data do not contradict it.
+        """
+        return self.scale.over(best, candidate) > STRONG and advantage(best, candidate) > 0.0
 
     def is_clearly_worse_than(self, alternative: Candidate) -> bool:
         """Return whether the `alternative` variant of the plant leaves clearly less without effects than this one."""

@@ -154,6 +154,7 @@ def search_over():
         search._together = list  # no pairs: nothing was screened
         search._siblings = lambda names, best: []  # nothing acts as anything does
         search.with_distances = lambda naming, competing: naming  # nor is nothing as near as it looks
+        search.is_refuted = lambda candidate, best: False  # nor has anything a likelihood
         return search
 
     return make

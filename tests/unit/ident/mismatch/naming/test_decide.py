@@ -178,6 +178,27 @@ def test_what_differs_by_little_is_no_rival_where_it_is_told_apart_and_unlikely(
     assert (found.alternatives == (other,)) is kept
 
 
+def test_what_the_likelihood_refutes_is_no_alternative_however_near_or_likely_it_is(candidate, is_adequate, noise):
+    best, near, likely = candidate("creep", rms=2.1), candidate("mullins", rms=2.15), candidate("delay", rms=2.11)
+    stage = (best, near, likely)
+    decided = decide(stage, stage, noise, is_adequate, lambda c: True)
+    assert decided.alternatives == (likely,)
+
+    def found(*refuted: Candidate) -> tuple[Candidate, ...]:
+        def is_refuted(other: Candidate, by: Candidate) -> bool:
+            assert by is best
+            return other in refuted
+
+        naming = with_distances(decided, stage, PROBLEM, lambda c: True, lambda *given: 9.0, refuted=is_refuted)
+        assert len(naming.distances) == 2
+        return naming.alternatives
+
+    assert found() == (likely, near)
+    assert found(near) == (likely,)
+    assert found(likely) == (near,)
+    assert found(near, likely) == ()
+
+
 @pytest.mark.parametrize(("unlikely", "kept"), [(2.9, True), (3.1, False)])
 def test_of_what_reads_alike_a_rival_is_left_that_is_not_20_times_less_likely_beforehand(
     candidate, is_adequate, noise, unlikely, kept

@@ -11,7 +11,6 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, decide
 from deatwin.ident.mismatch.naming.refit_all_data import (
     _holds,
-    _of_the_fitted_part,
     fitted_to_all,
     judged_on_everything,
     settled_on_everything,
@@ -131,7 +130,7 @@ def test_how_much_likelier_what_leads_is_counts_what_differs_fast(together_fast,
 
 def test_of_the_fitted_part_all_is_left_out_that_was_not_fitted():
     explained = replace(LONG, sizes=((4000, 2000), (3000, 1000)), measured=np.arange(10_000.0))
-    part = _of_the_fitted_part(explained)
+    part = explained.fitted_part
     assert part.pieces == (4000, 3000)
     np.testing.assert_array_equal(part.measured, np.arange(7000.0))
     assert part.residuals.size == part.measured.size

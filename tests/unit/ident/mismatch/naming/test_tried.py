@@ -85,6 +85,30 @@ def test_what_takes_away_little_of_a_small_mismatch_is_no_explanation(candidate,
     assert search_over(base, most).counts(most)
 
 
+# Beyond a noise of 2.0 µm the power of 3.0 µm is 5.0; half of it must go, and 2.6 µm leave 2.8 of it.
+@pytest.mark.parametrize(("fitted", "unseen", "returns"), [(2.1, 4.0, True), (2.6, 4.0, False), (2.6, 2.1, True)])
+def test_what_fails_only_where_it_is_extrapolated_may_return(candidate, search_over, fitted, unseen, returns):
+    base, best = candidate(rms=3.0), candidate("creep", rms=2.1)
+    strayed = candidate("dielectric_absorption", rms=fitted, unseen=unseen)
+    search = search_over(base, best, strayed)
+    assert search.is_possible(strayed) is (unseen < 3.0)
+    assert search.may_return(best, strayed) is returns
+    search.is_refuted = lambda candidate, by: candidate is strayed and by is best
+    assert not search.may_return(best, strayed)
+
+
+@pytest.mark.parametrize(("odds", "rms", "refuted"), [(3.1, 2.2, True), (2.9, 2.2, False), (3.1, 2.05, False)])
+def test_a_likelihood_refutes_by_strong_evidence_that_held_out_data_do_not_contradict(
+    candidate, search_over, monkeypatch, odds, rms, refuted
+):
+    """Log 20 is 3.0; the best explanation leaves 2.1 µm."""
+    best, other = candidate("creep", rms=2.1), candidate("delay", rms=rms)
+    search = search_over(candidate(rms=9.0), best, other)
+    monkeypatch.delattr(search, "is_refuted")
+    monkeypatch.setattr(type(search), "scale", SimpleNamespace(over=lambda one, two: odds if one is best else -odds))
+    assert search.is_refuted(other, best) is refuted
+
+
 def test_some_effects_of_a_set_are_fitted_from_its_values_and_the_better_fits_stay(candidate, search_over, monkeypatch):
     """That of the creep ends worse than before, that of the delay better, and that of the tone cannot be had."""
     full = ("creep", "delay", "periodic_disturbance")
