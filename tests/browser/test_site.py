@@ -4,16 +4,21 @@ It is built here, or was built in the folder that ``DEATWIN_SITE`` names, as in 
 """
 
 import base64
+import html
+import importlib
 import importlib.util
+import inspect
 import os
 import re
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import pytest
+from public import PUBLIC
 
 pytestmark = pytest.mark.extras
 
@@ -80,6 +85,34 @@ def test_no_list_is_swallowed_by_a_paragraph(site: Path) -> None:
     assert swallowed("<ol><li><p>one</p><p>more\n2. two</p></li></ol>") == ["more\n2. two"]
     found = {page.name: swallowed(page.read_text(encoding="utf-8")) for page in site.rglob("*.html")}
     assert {name: texts for name, texts in found.items() if texts} == {}
+
+
+def defaults(page: str) -> dict[str, dict[str, str]]:
+    """What a page of the reference says of the defaults of each function's or class's parameters."""
+    names, tables = re.split(r'<h\d id="(deatwin\.[\w.]+)"', page)[1:], re.compile(r"<table>.*?</table>", re.DOTALL)
+    row = re.compile(r'"Name">\s*<code>\W*(\w+)</code>.*?"Default">(.*?)</td>', re.DOTALL)
+    shown = {name: tables.search(body) for name, body in zip(names[::2], names[1::2], strict=True)}
+    return {
+        name: {one: html.unescape(re.sub(r"<[^>]+>", "", said)).strip() for one, said in row.findall(table[0])}
+        for name, table in shown.items()
+        if table
+    }
+
+
+def test_each_parameter_has_its_own_default_in_the_reference(site: Path) -> None:
+    exported = {f"{package}.{name}" for package in PUBLIC for name in importlib.import_module(package).__all__}
+    pages = [page.read_text(encoding="utf-8") for page in (site / "reference").glob("*.html")]
+    wrong, right = [], 0
+    for name, said in ((name, said) for page in pages for name, said in defaults(page).items() if name in exported):
+        for one, parameter in inspect.signature(resolve_name(name)).parameters.items():
+            if one not in said or type(parameter.default) not in (bool, int, type(None)):
+                continue
+            needed = (name, one) == ("deatwin.plant.foreign.ForeignRig", "sizes")  # None only stands for "not given"
+            same = said[one] == ("required" if needed else repr(parameter.default))
+            right += same
+            wrong += [] if same else [(name, one, said[one], parameter.default)]
+    assert wrong == []
+    assert right > 300
 
 
 @pytest.mark.parametrize("name", PAGES)
