@@ -136,6 +136,17 @@ def test_no_table_is_cut_off_on_a_phone_or_a_screen(name: str, site: Path, tab: 
     assert set(tab.run(f"return {stacked}")) <= {"block", "none"}  # an empty cell is not shown
 
 
+@pytest.mark.parametrize("name", ["index", "architecture"])
+def test_a_drawing_is_not_shrunk_on_a_phone(name: str, site: Path, tab: Any) -> None:
+    """Its words are legible at 36 times the size of the page's letters, and it scrolls by itself, also by the keyboard."""
+    shown(tab, site / f"{name}.html", 400, "light")
+    rem = tab.run("return parseFloat(getComputedStyle(document.documentElement).fontSize)")
+    drawing = "document.querySelector('p > img[src$=\".svg\"]')"
+    assert tab.run(f"return {drawing}.clientWidth") == pytest.approx(36 * rem, abs=1)
+    assert tab.run(f"return {drawing}.parentElement.tabIndex") == 0
+    assert tab.overflow() == 0
+
+
 def test_what_deatwin_prints_is_not_cut_off(site: Path, tab: Any) -> None:
     for width in (400, 1400):
         shown(tab, site / "tutorial.html", width, "light")
