@@ -1,18 +1,26 @@
 """Label the cells of wide tables with their columns, so that a narrow screen can show the cells of a row below each other.
 
-A hook of MkDocs (`on_page_content`), named in mkdocs.yml. The stylesheet `extra.css` stacks the labelled cells.
+A hook of MkDocs (`on_page_content`), named in mkdocs.yml. The stylesheet `extra.css` stacks the labelled cells. The
+extension of griffe (`OwnRows`), named there too, gives each parameter its own row of a table, and shows the numbers that constants hold.
 """
 
 from __future__ import annotations
 
 import html
 import re
+from collections.abc import Iterator
 from itertools import chain, repeat
 from typing import Any
+
+import griffe
 
 TABLE = re.compile(r"<table>.*?</table>", re.DOTALL)
 HEAD = re.compile(r"<th\b[^>]*>(.*?)</th>", re.DOTALL)
 ROW = re.compile(r"<tr\b.*?</tr>", re.DOTALL)
+SECTION = re.compile(
+    r"^((?:Other )?Parameters|Attributes)\n-+\n(?:(?:[ \t]+\S.*|\w.*$(?!\n-)|[ \t]*)\n?)*", re.MULTILINE
+)
+SHARED = re.compile(r"^(\w+(?:, \w+)+)( : .*)?\n((?:[ \t]+.*\n?|[ \t]*\n)*)", re.MULTILINE)
 NARROW = 2
 """Columns of a table that a narrow screen shows as it is."""
 
@@ -32,3 +40,43 @@ def _labelled(table: str) -> str:
         return re.sub(r"<td\b", lambda _: f'<td data-label="{html.escape(next(names))}"', row[0])
 
     return ROW.sub(cells, table)
+
+
+class OwnRows(griffe.Extension):
+    """Splits docstrings' entries of several names, to which griffe would give the type and default of the first name."""
+
+    def on_instance(self, *, obj: griffe.Object, **_: Any) -> None:
+        """Split the entries of one module, class, function or attribute."""
+        if obj.docstring:
+            obj.docstring.value = SECTION.sub(lambda found: SHARED.sub(_split, found[0]), obj.docstring.value)
+
+    def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
+        """Write the numbers that constants hold where defaults name these constants."""
+        for obj in _below(pkg):
+            if obj.is_function:
+                for parameter in obj.parameters:
+                    parameter.default = _number(parameter.default, obj)
+            elif obj.is_attribute and obj.parent.is_class:
+                obj.value = _number(obj.value, obj)
+
+
+def _below(obj: griffe.Object) -> Iterator[griffe.Object]:
+    for member in obj.members.values():
+        if not member.is_alias:
+            yield member
+            yield from _below(member)
+
+
+def _number(default: Any, obj: griffe.Object) -> Any:
+    if not isinstance(default, griffe.ExprName):
+        return default
+    try:
+        value = obj.modules_collection[default.canonical_path].value
+    except (KeyError, AttributeError, griffe.NameResolutionError):  # a builtin, or something without a value
+        return default
+    return value if isinstance(value, str) and re.fullmatch(r"[\d.e-]+", value) else default
+
+
+def _split(entry: re.Match[str]) -> str:
+    names, kind, text = entry.groups(default="")
+    return "".join(f"{name}{kind}\n{text.rstrip()}\n" for name in names.split(", "))

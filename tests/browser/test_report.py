@@ -20,6 +20,9 @@ from strips import COLUMNS, MODULE, pulled, strip, write
 from deatwin.app.stories import stories
 from deatwin.plant import Creep
 from deatwin.plant.recording import Experiment
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.story import StoryPage, Table, write_story
 
 pytestmark = pytest.mark.extras
 
@@ -301,6 +304,24 @@ def test_a_report_is_sound_on_every_screen(report: Path, tab: Any, axe: Callable
         if rules:
             assert axe() == [], (width, scheme)
     assert provenance_missing(tab) == []
+
+
+def test_on_a_phone_labels_that_are_longer_than_their_values_get_more_room(tab: Any, tmp_path: Path) -> None:
+    """A screen of 400 pixels has lines of about 50 letters, so a label of 52 letters beside a short value takes two."""
+    columns = [
+        "effect",
+        "smallest detected strength",
+        "change of the reading at the typical strength (µm rms)",
+        "outcome",
+    ]
+    table = Table(title="Effects", columns=columns, rows=[["creep", "20.6 kPa", "34.2", "not detected"]])
+    page = StoryPage(title="plan", sentence="So.", rows=[], notes=[], figures=[], tables=[table])
+    write_story(ResultFolder(tmp_path), page, RunRecord(command=["deatwin"], inputs=[], seed=3, jobs=1))
+    tab.size(400)
+    tab.open(tmp_path / "report.html")
+    heights = tab.run("return [...document.querySelectorAll('.stacks td')].map(cell => cell.clientHeight)")
+    assert len(heights) == 4
+    assert max(heights) < 2.5 * min(heights)
 
 
 def test_figures_are_zoomed_and_their_data_downloaded(report: Path, tab: Any, tmp_path: Path) -> None:

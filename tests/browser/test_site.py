@@ -4,21 +4,33 @@ It is built here, or was built in the folder that ``DEATWIN_SITE`` names, as in 
 """
 
 import base64
+import html
+import importlib
 import importlib.util
+import inspect
 import os
 import re
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import pytest
+from public import PUBLIC
 
 pytestmark = pytest.mark.extras
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("index", "gallery", "explanation/verdict", "explanation/frequency", "how-to/foreign-models")
+LONG = ("control", "effects", "frequency", "materials", "mismatch", "narx", "plant", "rigs")
+"""Pages of the reference of which axe-core takes minutes, and that have the same parts as the other ones."""
+SOURCES = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("docs/gallery/*.html.xz")]
+PAGES = sorted(
+    {path.relative_to(ROOT / "docs").as_posix().partition(".")[0] for path in SOURCES}
+    - {f"reference/{name}" for name in LONG}
+)
+LARGEST = 5_000_000
 SCREENS = ((400, "light"), (1400, "dark"))
 SWALLOWED = re.compile(r"\n\s*(?:\d+\.|[-*]) \S")
 """The mark of a list's item inside of a paragraph: Markdown wants an empty line before it."""
@@ -82,10 +94,41 @@ def test_no_list_is_swallowed_by_a_paragraph(site: Path) -> None:
     assert {name: texts for name, texts in found.items() if texts} == {}
 
 
+def defaults(page: str) -> dict[str, dict[str, str]]:
+    """What a page of the reference says of the defaults of each function's or class's parameters."""
+    names, tables = re.split(r'<h\d id="(deatwin\.[\w.]+)"', page)[1:], re.compile(r"<table>.*?</table>", re.DOTALL)
+    row = re.compile(r'"Name">\s*<code>\W*(\w+)</code>.*?"Default">(.*?)</td>', re.DOTALL)
+    shown = {name: tables.search(body) for name, body in zip(names[::2], names[1::2], strict=True)}
+    return {
+        name: {one: html.unescape(re.sub(r"<[^>]+>", "", said)).strip() for one, said in row.findall(table[0])}
+        for name, table in shown.items()
+        if table
+    }
+
+
+def test_each_parameter_has_its_own_default_in_the_reference(site: Path) -> None:
+    exported = {f"{package}.{name}" for package in PUBLIC for name in importlib.import_module(package).__all__}
+    pages = [page.read_text(encoding="utf-8") for page in (site / "reference").glob("*.html")]
+    wrong, right = [], 0
+    for name, said in ((name, said) for page in pages for name, said in defaults(page).items() if name in exported):
+        for one, parameter in inspect.signature(resolve_name(name)).parameters.items():
+            if one not in said or type(parameter.default) not in (bool, int, type(None)):
+                continue
+            needed = (name, one) == ("deatwin.plant.foreign.ForeignRig", "sizes")  # None only stands for "not given"
+            same = said[one] == ("required" if needed else repr(parameter.default))
+            right += same
+            wrong += [] if same else [(name, one, said[one], parameter.default)]
+    assert wrong == []
+    assert right > 300
+
+
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_is_accessible_on_every_screen(name: str, site: Path, tab: Any, axe: Callable[[], list[str]]) -> None:
+    page = site / f"{name}.html"
+    assert page.stat().st_size < LARGEST
     for width, scheme in SCREENS:
-        shown(tab, site / f"{name}.html", width, scheme)
+        shown(tab, page, width, scheme)
+        assert [asked for asked in tab.requests() if not asked.startswith("file:")] == []
         assert tab.overflow() == 0, (width, scheme)
         assert axe() == [], (width, scheme)
 
@@ -101,6 +144,17 @@ def test_no_table_is_cut_off_on_a_phone_or_a_screen(name: str, site: Path, tab: 
     assert set(tab.run(f"return {stacked}")) <= {"table-cell"}
     tab.size(400)
     assert set(tab.run(f"return {stacked}")) <= {"block", "none"}  # an empty cell is not shown
+
+
+@pytest.mark.parametrize("name", ["index", "architecture"])
+def test_a_drawing_is_not_shrunk_on_a_phone(name: str, site: Path, tab: Any) -> None:
+    """Its words are legible at 36 times the size of the page's letters, and it scrolls by itself, also by the keyboard."""
+    shown(tab, site / f"{name}.html", 400, "light")
+    rem = tab.run("return parseFloat(getComputedStyle(document.documentElement).fontSize)")
+    drawing = "document.querySelector('p > img[src$=\".svg\"]')"
+    assert tab.run(f"return {drawing}.clientWidth") == pytest.approx(36 * rem, abs=1)
+    assert tab.run(f"return {drawing}.parentElement.tabIndex") == 0
+    assert tab.overflow() == 0
 
 
 def test_what_deatwin_prints_is_not_cut_off(site: Path, tab: Any) -> None:

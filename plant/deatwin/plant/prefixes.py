@@ -35,10 +35,24 @@ def with_unit(value: float, unit: str) -> str:
 
     >>> with_unit(1.2e-5, "m"), with_unit(0.9999e-3, "m"), with_unit(-2500.0, "V"), with_unit(0.5, "1")
     ('12 µm', '1 mm', '-2.5 kV', '0.5')
+    >>> with_unit(23460.0, "rpm")
+    '23500 rpm'
     """
     shown = float(f"{value:.3g}")
     size, prefixed_unit = prefixed(shown, unit)
-    return amount(f"{shown / size:.3g}", prefixed_unit)
+    return amount(f"{shown / size:g}", prefixed_unit)
+
+
+def range_with_unit(first: float, last: float, unit: str) -> str:
+    """Write the ends of a range with one prefix, that of the larger end, and enough digits to distinguish the ends.
+
+    >>> range_with_unit(3e4, 26e3, "Pa"), range_with_unit(0.0, 0.02, "s"), range_with_unit(-800.0, 23460.0, "rpm")
+    ('30 to 26 kPa', '0 to 20 ms', '-800 to 23500 rpm')
+    """
+    digits = resolving(min(first, last), max(first, last))
+    first, last = (float(f"{end:.{digits}g}") for end in (first, last))
+    size, prefixed_unit = prefixed(max(first, last, key=abs), unit)
+    return amount(f"{first / size:.{MOST_DIGITS}g} to {last / size:.{MOST_DIGITS}g}", prefixed_unit)
 
 
 def time_span(first: float, last: float, decimals: int = 2, between: str = " to ") -> str:

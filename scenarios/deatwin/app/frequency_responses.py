@@ -24,7 +24,7 @@ from deatwin.ident.narx.excited import BAND_KEY, number_of
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-from deatwin.plant.prefixes import with_unit
+from deatwin.plant.prefixes import range_with_unit, with_unit
 from deatwin.plant.words import listed
 
 POINTS, DECADES = 200, 3  # Number of frequencies of H_1, and decades that they span unless a band is given
@@ -136,7 +136,7 @@ class Responses:
             of = f" of {names[row]}" if names else ""
             yield (
                 f"the operating input{of} lies outside the range of the training inputs, "
-                + amount(f"{low:.4g} to {high:.4g}", self.model.input_units[row])
+                + range_with_unit(low, high, self.model.input_units[row])
                 + ", so the responses are extrapolated"
                 + (", and their bands do not include the error of extrapolation" if self.banded else "")
             )

@@ -65,7 +65,7 @@ DIAGNOSIS = Diagnosis(
     model_error=1.2,
     detection=DetectionSummary(p_value=0.0, excess=4.0, smallest_detectable={}),
     location=None,
-    sentence="Something is <missing>.",
+    sentence="Something is <missing>. It moves the film.",
     fit=FitSummary(fitted=Errors(before=5.0, after=None), unseen=UnseenErrors(before=6.0, after=None, gain_low=None)),
     warnings=("the fitted stretch_limit lies at a bound of its allowed range",),
 )
@@ -476,6 +476,7 @@ def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path, verdict, said):
     assert f"<strong>How sure:</strong> {how_sure(replace(diagnosis, readings=None))}." in header
     then = re.sub(r"<[^>]*>", "", header.partition("<strong>Next:</strong> ")[2])
     assert then.startswith(f"{next_step(diagnosis)}.".replace("`", ""))
+    assert diagnosis.sentence.partition(". ")[2] in then  # details after what a phone shows first
 
 
 def test_the_closer_look_of_a_faulty_recording_shows_the_largest_fault():

@@ -17,3 +17,12 @@ def amount(value: float, form: str, unit: str) -> str:
         if "e+" in text:  # a format of few digits, although the number is not large
             text = f"{float(text):.0f}"
     return f"{text}{unit}"
+
+
+def three_digits(value: float) -> str:
+    """Write a number with at most three significant digits, and without an exponent for ordinary sizes.
+
+    >>> three_digits(1234.0), three_digits(0.9), three_digits(-0.12345)
+    ('1230', '0.9', '-0.123')
+    """
+    return f"{float(f'{value:.3g}'):g}"

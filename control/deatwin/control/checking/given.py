@@ -18,6 +18,7 @@ from deatwin.ident.narx.residual import Residual, free_run_residual
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.model import Plant
+from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
 from deatwin.plant.words import listed, spaced
 
@@ -208,7 +209,7 @@ def known_residual(model: NarxModel, recording: Recording | None) -> Residual | 
     found = free_run_residual(model, recording)
     if carried is not None and found.rms > _FOREIGN * carried.rms:
         raise ModelError(
-            f"the model's free-run error is {found.rms:.3g} {model.output_units[0]} on this recording, but was "
-            f"{carried.rms:.3g} when the model was identified: give a recording of the same actuator, in the same units"
+            f"the model's free-run error is {with_unit(found.rms, model.output_units[0])} rms on this recording, but was "
+            f"{with_unit(carried.rms, model.output_units[0])} rms when the model was identified: give a recording of the same actuator, in the same units"
         )
     return found

@@ -8,6 +8,7 @@ from math import inf, isfinite
 from operator import attrgetter
 from typing import Any, ClassVar
 
+from deatwin.control.checking.amounts import three_digits
 from deatwin.control.checking.rows import MarginRow, OperatingPoint
 from deatwin.control.checking.specification import Verdict
 from deatwin.control.checking.verdict import Finding, worst
@@ -196,7 +197,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
         points = [row.operating_input for row in self.table]
         if not points:
             return ""
-        low, high = (f"{point:.3g}" for point in (min(points), max(points)))
+        low, high = map(three_digits, (min(points), max(points)))
         return " at constant inputs of " + amount(low if low == high else f"{low} to {high}", self.operating.input_unit)
 
     @property
@@ -221,7 +222,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
         return (
             f"{self.verdict.value}: {self.reason}. The {tuned.name} controller has a closed-loop time of "
             f"{tuned.closed_loop_time:.2g} s, and a crossover frequency of {self.margins.crossover_Hz:.2g} Hz at a constant "
-            f"input of {amount(f'{at.input:.3g}', at.input_unit)}. The lowest {margins}.{self._warned}"
+            f"input of {amount(three_digits(at.input), at.input_unit)}. The lowest {margins}.{self._warned}"
         )
 
     @property

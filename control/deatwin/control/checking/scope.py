@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control.checking.amounts import three_digits
 from deatwin.control.checking.specification import Verdict
 from deatwin.control.checking.verdict import Finding, Runs
 from deatwin.control.controllers.base import Controller
@@ -56,7 +57,7 @@ def judge_rests(
         return None
     unit, size = written_amplitude(linear.output_unit)
     text = (
-        f"at a constant input of {amount(f'{linear.operating_input:.3g}', linear.input_unit)} the model's output is "
+        f"at a constant input of {amount(three_digits(linear.operating_input), linear.input_unit)} the model's output is "
         f"{centre / size:.3g} {unit} and the plant's is {rests[1] / size:.3g} {unit}, a difference of "
         f"{abs(centre - rests[1]) / size:.3g} {unit}; within the limits of the command, the plant reaches only "
         f"{rests.min() / size:.3g} to {rests.max() / size:.3g} {unit}, so it cannot follow the steps planned with the model"
@@ -72,8 +73,8 @@ def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[
     least, most = min(*points, *commands), max(*points, *commands)
     outside, unit = least < low or most > high, model.input_units[0]
     text = (
-        f"the closed loop uses commands from {amount(f'{least:.3g} to {most:.3g}', unit)}, "
-        f"{'beyond' if outside else 'inside'} the range of the training data, {amount(f'{low:.3g} to {high:.3g}', unit)}"
+        f"the closed loop uses commands from {amount(f'{three_digits(least)} to {three_digits(most)}', unit)}, "
+        f"{'beyond' if outside else 'inside'} the range of the training data, {amount(f'{three_digits(low)} to {three_digits(high)}', unit)}"
     )
     verdict = Verdict.MARGINAL if outside else Verdict.PASS
     return Finding(subject="training data", value=None, verdict=verdict, text=text)

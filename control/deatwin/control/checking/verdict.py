@@ -8,7 +8,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from deatwin.control.checking.amounts import amount
+from deatwin.control.checking.amounts import amount, three_digits
 from deatwin.control.checking.rows import BAND, MarginRow
 from deatwin.control.checking.specification import Limit, Specification, Verdict
 from deatwin.control.linear.model import LinearModel
@@ -230,7 +230,7 @@ def _partly_stable(row: MarginRow, unit: str) -> str:
 def _where(row: MarginRow, unit: str) -> str:
     """Return the operating point of a row of margins, in words."""
     when = "" if row.time is None else f" and {row.time:.0f} s after the start"
-    return f"at a constant input of {with_unit(f'{row.operating_input:.3g}', unit)}{when}"
+    return f"at a constant input of {with_unit(three_digits(row.operating_input), unit)}{when}"
 
 
 def _draws(row: MarginRow) -> str:

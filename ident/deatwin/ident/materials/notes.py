@@ -13,6 +13,7 @@ from deatwin.ident.materials.noise import Noise
 from deatwin.ident.materials.observations import Observations
 from deatwin.ident.materials.result import Choice
 from deatwin.plant.laws.energies import first_invariant
+from deatwin.plant.prefixes import range_with_unit
 from deatwin.plant.substance import Material
 
 ODDS = 3.0  # Logarithm of 20: log odds up to which a less probable choice remains possible
@@ -31,7 +32,7 @@ def notes_of(
     for one in quantities:
         wide = one.low <= 0.0 <= one.high or max(abs(one.high / one.low), abs(one.low / one.high)) > WIDE
         if wide and not one.name.endswith("limit") and one.name != "locking_stretch":
-            yield f"{one.name} is hardly known: {one.low:.3g} to {one.high:.3g} {one.unit}"
+            yield f"{one.name} is hardly known: {range_with_unit(one.low, one.high, one.unit)}"
 
 
 def on_permittivity(about: Mapping[str, Any], material: Material | None) -> Iterator[str]:

@@ -36,7 +36,7 @@ from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.model import Plant
-from deatwin.plant.prefixes import with_unit
+from deatwin.plant.prefixes import range_with_unit, with_unit
 from deatwin.plant.recording import label
 from deatwin.plant.resolution import solved_like
 from deatwin.plant.words import spaced
@@ -226,7 +226,8 @@ def _widened(plant: Plant) -> Iterator[str]:
     for usual in (p for effect in plant.effects for p in effect.parameters):
         value = plant.parameters[usual.name].value
         if not usual.lower <= value <= usual.upper:
-            yield f"the fitted {usual.name} lies outside its usual range of {usual.lower:g} to {usual.upper:g} {usual.unit}"
+            span = range_with_unit(usual.lower, usual.upper, usual.unit)
+            yield f"the fitted {spaced(usual.name)} lies outside its usual range of {span}"
 
 
 def _at_bounds(findings: Findings) -> Iterator[str]:

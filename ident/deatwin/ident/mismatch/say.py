@@ -22,11 +22,11 @@ from deatwin.ident.mismatch.result import Fault
 from deatwin.ident.mismatch.steps_take import checks_its_arguments
 from deatwin.ident.mismatch.thresholds import MOST, NEGLIGIBLE, ROUNDING
 from deatwin.ident.mismatch.verdict import Cause, Explanation, FittedParameter, Interval, Verdict
-from deatwin.plant.amplitudes import amount, written_unit
+from deatwin.plant.amplitudes import written_unit
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import ModelError
-from deatwin.plant.prefixes import prefixed, resolving, time_span
+from deatwin.plant.prefixes import prefixed, range_with_unit, resolving, time_span
 from deatwin.plant.recording import label
 from deatwin.plant.words import as_sentence, listed, spaced
 
@@ -126,8 +126,7 @@ def _changed(diagnosis: Diagnosis) -> str:
 
 
 def _beside_nominal(name: str, parameter: FittedParameter) -> str:
-    nominal, value = number(parameter.nominal or 0.0), number(parameter.value)
-    return f"{spaced(name)} (from {nominal} to {amount(value, parameter.unit)})"
+    return f"{spaced(name)} (from {range_with_unit(parameter.nominal or 0.0, parameter.value, parameter.unit)})"
 
 
 def _named(diagnosis: Diagnosis) -> list[str]:

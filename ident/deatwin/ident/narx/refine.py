@@ -112,7 +112,8 @@ Progress = Callable[[float, str], None]
 # A candidate depends on the terms if its response beyond theirs retains less than this share of its square.
 _DEPENDENT = 1e-10
 # A search has converged when a step reduces the sum of squares by less than this share; most do in ten steps.
-_TOLERANCE, _STEPS = 1e-8, 50
+_TOLERANCE = 1e-8
+_STEPS = 50
 _REFINED = "least squares of the free-run error"
 _STOPPED = "stopped before its gradient was small"
 

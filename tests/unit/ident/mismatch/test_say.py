@@ -86,6 +86,8 @@ def said_by(data: dict) -> str:
 def foreign_numbers(data: dict) -> list[str]:
     """Numbers of the sentence that are no field of the file, nor the bound of a risk that is one."""
     known = numbers_of({key: value for key, value in data.items() if key != "sentence"})
+    changed = numbers_of([[one["value"], one["nominal"]] for one in data["parameters"].values()])
+    known += [value / 1000.0**power for value in changed for power in (-2, -1, 1, 2)]  # with a prefix on the unit
     said = said_by(data)
     found = [(place.group(), said[place.end() + 1 :][:1], said[: place.start()]) for place in NUMBER.finditer(said)]
     advised = data["next_experiment"] or {}
@@ -619,7 +621,7 @@ def test_the_parameters_that_changed_by_the_largest_factors_are_named():
     same = FittedParameter(value=9.0, low=0.5, high=20.0, unit="", nominal=1.0)  # its interval holds the nominal value
     said = replace(DIAGNOSES["parameters"], parameters={**fitted, "zero": same})
     assert (
-        "The largest changes are those of damping (from 0.0500 to 0.96 N s/m) and shear modulus (from 30000 to 26000 Pa)."
+        "The largest changes are those of damping (from 50 to 960 mN s/m) and shear modulus (from 30 to 26 kPa)."
         in say(said)
     )
 

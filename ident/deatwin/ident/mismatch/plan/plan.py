@@ -31,6 +31,7 @@ from deatwin.plant.arrays import require_seed, root_mean_square
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.model import Plant, require_plant
+from deatwin.plant.prefixes import with_unit
 from deatwin.plant.readings import Reading
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
@@ -373,4 +374,4 @@ def _borne(plant: Plant) -> str:
     if not ends:
         return ""
     verb, command = min(ends.items(), key=lambda end: end[1])
-    return f"; the film {verb} at {command:.3g} {plant.rig.input_unit}, and the range ends at {high:g}: lower it"
+    return f"; the film {verb} at {with_unit(command, plant.rig.input_unit)}, and the range ends at {high:g}: lower it"

@@ -108,6 +108,7 @@
     const heads = [...table.querySelectorAll("thead th")].map((head) => head.textContent.trim());
     if (heads.length < 3) return;
     const numbers = table.querySelectorAll("thead th.n").length === heads.length - 1;
+    let cells = 0;  // letters in them
     const below = heads.map(() => 0);  // rows for which a cell above still fills the column
     for (const row of table.querySelectorAll("tbody tr")) {
       let column = 0;
@@ -115,6 +116,7 @@
         while (below[column] > 0) below[column++] -= 1;
         if (cell.colSpan === 1) cell.dataset.label = heads[column] ?? "";
         cell.classList.toggle("head", column === 0);
+        if (column > 0) cells += cell.textContent.trim().length;
         below[column] = cell.rowSpan - 1;
         column += cell.colSpan;
       }
@@ -124,6 +126,8 @@
       table.classList.toggle("stacks", !numbers);
       if (numbers) table.classList.toggle("stacks", table.offsetWidth > table.parentElement.clientWidth);
     };
+    const labels = heads.slice(1).join("").length * table.querySelectorAll("tbody tr").length;
+    table.classList.toggle("labels", labels > cells);  // the longer ones get more room
     table.classList.toggle("numbers", numbers);
     addEventListener("resize", fit);
     fit();
