@@ -5,10 +5,12 @@ import gzip
 import hashlib
 import io
 import re
+import zipfile
 import zlib
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +42,7 @@ from deatwin.plant.files.csvtext import (
     without_index_line,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
+from deatwin.plant.files.formats.optional import reading
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import for_name, split_unit, split_units
 from deatwin.plant.files.units import UNITS, find_unit
@@ -47,6 +50,7 @@ from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
 
+TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")  # Endings of the names of files with text
 DESCRIPTION = f"# {SCHEMA} "  # Start of a line above the header that holds a description
 _GZIP = b"\x1f\x8b"  # First bytes of a gzip file
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-precision number in Fortran
@@ -61,6 +65,7 @@ _UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points between thousands
 _DIGITS = 3  # Number of digits in a group of thousands
+_LISTED = 5  # Largest number of files that an error lists
 _FEW = 1000  # Number of cells that are looked at first
 _EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
 _RULED = re.compile(r"(?=.*(?:---|===|[-–]\s*[,;|\t]\s*[-–]))[-–=+:|,;\t ]+")
@@ -365,7 +370,8 @@ def _is_absent(cell: str) -> bool:
 def read_table(path: str | Path) -> CsvTable:
     """Read a CSV file: UTF-8, UTF-16 with its mark, GBK or Windows-1252; comma, semicolon, tab, bar or blanks."""
     content, name = read_bytes(path, TEXT_BYTES), str(path)
-    content = _unzipped(content, name) if content[:2] == _GZIP else content
+    if content[:2] == _GZIP or name.lower().endswith(".zip"):
+        content = _unzipped(content, name)
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
     text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
@@ -379,15 +385,33 @@ def read_table(path: str | Path) -> CsvTable:
 
 
 def _unzipped(content: bytes, path: str) -> bytes:
-    """Return the text in a gzip file."""
-    try:
-        with gzip.GzipFile(fileobj=io.BytesIO(content)) as packed:
+    """Return the text in a gzip file, or in a zip archive."""
+    if content[:2] == _GZIP:
+        try:
+            with gzip.GzipFile(fileobj=io.BytesIO(content)) as packed:
+                text = packed.read(TEXT_BYTES + 1)
+        except (OSError, EOFError, zlib.error) as error:
+            raise DataError(f"{path}: gzip cannot unpack it: {clipped(error)}; it is damaged or incomplete") from None
+    else:
+        with reading(path, "zip"), _only_file(content, path) as packed:
             text = packed.read(TEXT_BYTES + 1)
-    except (OSError, EOFError, zlib.error) as error:
-        raise DataError(f"{path}: gzip cannot unpack it: {clipped(error)}; it is damaged or incomplete") from None
     if len(text) > TEXT_BYTES:
         raise DataError(f"{path}: it unpacks to more than {in_words(TEXT_BYTES)}, which is the most that can be read")
     return text
+
+
+def _only_file(content: bytes, path: str) -> IO[bytes]:
+    """Open the one file of a zip archive, which must be text."""
+    archive = zipfile.ZipFile(io.BytesIO(content))
+    files = [file.filename for file in archive.infolist() if not file.is_dir() and "__MACOSX" not in file.filename]
+    if len(files) != 1 or not files[0].lower().endswith(TEXTS):
+        held = ", ".join(map(clipped, files[:_LISTED])) or "no file"
+        more = f" and {len(files) - _LISTED} more" if len(files) > _LISTED else ""
+        raise DataError(
+            f"{path}: only an archive of one text file ({', '.join(TEXTS)}) can be read, but this one holds {held}{more}; "
+            "unpack it, and give the files inside it"
+        )
+    return archive.open(files[0])
 
 
 def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) -> CsvTable:
