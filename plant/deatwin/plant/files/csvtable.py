@@ -61,6 +61,9 @@ _DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a min
 _GUARDED = re.compile(r'(?m)(^|[,;|\t])="([^"\n]*)"(?=[,;|\t]|$)')
 """Text that a program keeps from a spreadsheet's guesses."""
 _SIGN_APART = re.compile(r'(?<=[,;|\t"])([-+]) +(?=[\d.])')  # Sign of a number that a logger aligns at the right
+_RECEIVED = re.compile(
+    r"(?m)^(\d\d:\d\d:\d\d\.\d{3}) -> (.*)"
+)  # Line with the time at which Arduino's monitor received it
 _UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points between thousands
@@ -335,7 +338,7 @@ class CsvTable(Table):
                 if not is_number(cell.replace(",", ".")):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number{advice_for(cell)}')
                 if not np.isfinite(number := np.array(float(cell.replace(",", ".")))):
-                    return DataError(f"{place}: {clipped(cell)} is not a finite number")
+                    return DataError(f"{place}: {clipped(cell)} is not a finite number; leave the cell empty")
                 if np.abs(self.unit(column).to_si(number)) > self.largest(column):
                     return DataError(
                         f"{place}: {clipped(cell)} marks an overflow or a missing value; leave the cell empty, or give a "
@@ -380,8 +383,18 @@ def read_table(path: str | Path) -> CsvTable:
     text = _DASH.sub("-", text) if "\u2013" in text else text
     text = _SIGN_APART.sub(r"\1", text) if "+ " in text or "- " in text else text
     lines = text.split("\n")
+    if _RECEIVED.match(text):
+        lines = [_RECEIVED.sub(_with_stamp, line) for line in lines]
     table = table_of(lines, range(1, len(lines) + 1), name, hashlib.sha256(content).hexdigest())
     return replace(table, ended=len(lines) not in table.rows[-1:])
+
+
+def _with_stamp(line: re.Match[str]) -> str:
+    """Return a line with the time at which it was received as its first cell."""
+    cells = line[2]
+    mark = next((mark for mark in ";\t," if mark in cells), BLANKS)
+    named = not holds_number(split_cells(cells, mark)) and re.search(r"[^\W\d_]", cells)
+    return f"{'received' if named else line[1]}{mark}{cells}"
 
 
 def _unzipped(content: bytes, path: str) -> bytes:

@@ -103,7 +103,7 @@ class ArrayTable(Table):
             if not (finite := np.isfinite(numbers) | (np.isnan(numbers) & (column in missing))).all():
                 sample = int(np.argmin(finite))
                 raise DataError(
-                    f'{self.where(sample)}, column "{self.shown(column)}": {values[sample]} is not a finite number'
+                    f'{self.where(sample)}, column "{self.shown(column)}": {values[sample]} is not a finite number; put NaN in its place'
                 )
         found = np.array([self._si(column) for column in columns])
         if (large := np.abs(found) > np.array([[self.largest(column)] for column in columns])).any():
