@@ -200,6 +200,7 @@ FILES = {
     "nameless.csv": table("time_s,command_V"),
     "name.csv": table('time_s,command_V,"displacement\n(mm)"'),
     "blank.csv": "",
+    "modal.txt": "    -1\n    58\nforce\n    -1\n",
     "rates.csv": "t1_s,command_V,t2_s,y\n"
     + "".join(f"{0.02 * k:.2f},{k}" + (f",{0.04 * k:.2f},{k}\n" if k < 20 else ",,\n") for k in range(40)),
     "aside.csv": "t1_s,command_V,t2_s,displacement_mm\n"

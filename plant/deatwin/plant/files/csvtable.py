@@ -444,6 +444,10 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         rows, lines = rows[1:], lines[1:]
     if not lines:
         raise DataError(f"{name}: the file is empty; it must hold a header, with the names of its columns, and samples")
+    if lines[0].rstrip() == "    -1" and lines[1:] and lines[1].strip().isdecimal():
+        raise DataError(
+            f"{name}: this is a universal file (data set {clipped(lines[1].strip())}), which cannot be read; export columns of text"
+        )
     lines, rows = without_index_line(with_name_of_rows(lines), rows)
     layout = find_layout(lines, rows, name)
     if layout.head:

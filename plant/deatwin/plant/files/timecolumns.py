@@ -109,8 +109,8 @@ def _equal(table: Table, columns: list[int]) -> bool:
 
 
 def _plain(name: str) -> str:
-    """Return a name without capitals, blanks, underscores and a bracketed suffix such as a time zone."""
-    return re.sub(r"[\s/&+_-]|\(.*\)$", "", name).lower()
+    """Return a name without capitals, blanks, underscores and a bracketed suffix such as a time zone or an index."""
+    return re.sub(r"[\s/&+_-]|\(.*\)$|\[\d+\]$", "", name).lower()
 
 
 def _group(name: str) -> str:
