@@ -59,7 +59,7 @@ def of_plain_data(error: type[DeatwinError] = ModelError) -> Callable[[Callable[
     def decorate(make: Callable[P, R]) -> Callable[P, R]:
         @wraps(make)
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-            kind, data = (*args, *kwargs.values())
+            kind, data = signature(make).bind(*args, **kwargs).arguments.values()
             instance(Mapping, hint=f", as {kind.__name__}.to_dict returns it", error=error)(data, "data")
             try:
                 return make(*args, **kwargs)

@@ -129,7 +129,7 @@ def plan_resampling(
 ) -> Resampling:
     """Plan how rows at these times are brought onto an even clock."""
     if not (math.isfinite(sample_time) and sample_time > 0.0):
-        raise DataError(f"{where(0)}: resample is {sample_time} s; the sample time must be positive")
+        raise DataError(f"{where(0)}: the new sample time is {sample_time} s; it must be positive")
     if len(timepts) < 2:
         raise DataError(f"{where(0)}: there is only one sample; a recording needs at least two")
     steps = np.diff(timepts)
