@@ -141,6 +141,7 @@ FILES = {
     "gap.csv": table(row_22="", row_23="", row_24=""),
     "constant.csv": HEADER + "".join(f"\n{0.02 * k:.2f},2.0,0.3" for k in range(40)),
     "nan.csv": table(row_8="0.12,nan,0.3"),
+    "inf.csv": table(row_8="0.12,inf,0.3"),
     "hole.csv": table(row_8="0.12,,0.3"),
     "text.csv": table(row_8="0.12,off,0.3"),
     "over.csv": table(row_8="0.12,9.9E+37,0.3"),
