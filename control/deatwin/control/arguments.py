@@ -13,6 +13,7 @@ from deatwin.ident.arguments import real_numbers
 from deatwin.plant.arguments import Check, kind_of
 from deatwin.plant.arguments import each as each_of
 from deatwin.plant.arguments import instance as of_class
+from deatwin.plant.arguments import of_plain_data as of_plain_data
 from deatwin.plant.arguments import require_fields as require_fields
 from deatwin.plant.arguments import taking as taking
 from deatwin.plant.errors import ModelError

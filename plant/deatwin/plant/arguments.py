@@ -12,6 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 
 from deatwin.plant.errors import DataError, DeatwinError, ModelError
+from deatwin.plant.safe_read import clipped
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -50,6 +51,43 @@ def as_annotated(sources: Mapping[str, str]) -> Callable[[Callable[P, R]], Calla
         return taking(**{name: check for name, check in checks.items() if check is not None})(taker)
 
     return decorate
+
+
+def of_plain_data(error: type[DeatwinError] = ModelError) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorate a class method that makes an object of plain data; other data raise one error that names the fault."""
+
+    def decorate(make: Callable[P, R]) -> Callable[P, R]:
+        @wraps(make)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            kind, data = signature(make).bind(*args, **kwargs).arguments.values()
+            instance(Mapping, hint=f", as {kind.__name__}.to_dict returns it", error=error)(data, "data")
+            try:
+                return make(*args, **kwargs)
+            except DeatwinError:
+                raise
+            except MALFORMED as fault:
+                advice = f"give data as {kind.__name__}.to_dict returns them"
+                raise error(f"malformed {kind.__name__}: {_misfit(fault)}; {advice}") from fault
+
+        return checked
+
+    return decorate
+
+
+MALFORMED = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, MemoryError, RecursionError)
+"""Errors that data of a wrong shape may raise: a missing key, a value of the wrong kind, too large or nested too deeply."""
+
+
+def _misfit(fault: BaseException) -> str:
+    """Say in words why data do not fit an object."""
+    said = clipped(fault, 200)
+    if isinstance(fault, KeyError):
+        return f"the key {said} is missing"
+    if unknown := re.search(r"unexpected keyword argument ('\w+')", said):
+        return f"the key {unknown[1]} is unknown"
+    if missing := re.search(r"missing \d+ required (?:[\w-]+ )?arguments?: (.*)", said):
+        return f"{missing[1]} {'are' if ' and ' in missing[1] else 'is'} missing"
+    return said
 
 
 _PACKAGES = frozenset({"deatwin", "numpy"})

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypeVar
 
-from deatwin.plant.arguments import instance
+from deatwin.plant.arguments import MALFORMED, instance
 from deatwin.plant.copies import Rebuilt
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.files import write_text_atomic
@@ -47,8 +47,10 @@ def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Ma
     except KeyError as error:
         raise ModelError(f"{path}: the key {clipped(error)} is missing") from error
     except DeatwinError as error:
-        raise ModelError(f"{path}: {clipped(error, 1000)}") from error
-    except _MALFORMED as error:
+        inner = isinstance(error.__cause__, MALFORMED) and not isinstance(error.__cause__, KeyError)
+        fault = shape_fault(document, schema) if inner else ""
+        raise ModelError(f"{path}: {fault or clipped(error, 1000)}") from error
+    except MALFORMED as error:
         fault = shape_fault(document, schema) or clipped(error, 200)
         raise ModelError(f"{path}: not a valid {schema} file: {fault}") from error
     if fault := shape_fault(document, schema):  # `build` may accept a wrong shape, which would fail later
@@ -90,10 +92,6 @@ class Saved(Rebuilt):
         """Read a file that `save` wrote at `path`; ModelError if the file is missing or malformed."""
         schema, _, fields = cls._file
         return read_document(path, schema, lambda document: cls(**fields(document)))
-
-
-_MALFORMED = (TypeError, ValueError, AttributeError, IndexError, ArithmeticError, MemoryError, RecursionError)
-"""Errors that a document of the right schema may raise: a value of the wrong kind, too large or nested too deeply."""
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:

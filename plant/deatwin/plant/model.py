@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from deatwin.plant.arguments import instance, taking
+from deatwin.plant.arguments import instance, of_plain_data, taking
 from deatwin.plant.arrays import require_generator
 from deatwin.plant.checks import experiment_for
 from deatwin.plant.effects.base import Effect, require_effects
@@ -330,6 +330,7 @@ class Plant:
         }
 
     @classmethod
+    @of_plain_data(RigError)
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Make the plant from the `data` of `to_dict`; RigError if the rig, an effect or a parameter is unknown."""
         described = dict(data["rig"])

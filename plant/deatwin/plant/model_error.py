@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
+from deatwin.plant.arguments import of_plain_data
 from deatwin.plant.arrays import root_mean_square
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError, SimulationError
@@ -117,6 +118,7 @@ class Discrepancy:
         return {"schema": SCHEMA, "rms": self.rms, "motion": self.motion, "before": self.before, **bands}
 
     @classmethod
+    @of_plain_data()
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Make the discrepancy from the `data` that `to_dict` returned."""
         commands, mean, deviation = (

@@ -125,10 +125,11 @@ def plan_resampling(
     allow_gaps: bool = False,
     reading: ReadingTime = ReadingTime.END_OF_HOLD,
     means: Collection[str] = (),
+    at_gaps: str = "(--allow-gaps, in Python allow_gaps=True)",
 ) -> Resampling:
     """Plan how rows at these times are brought onto an even clock."""
     if not (math.isfinite(sample_time) and sample_time > 0.0):
-        raise DataError(f"{where(0)}: resample is {sample_time} s; the sample time must be positive")
+        raise DataError(f"{where(0)}: the new sample time is {sample_time} s; it must be positive")
     if len(timepts) < 2:
         raise DataError(f"{where(0)}: there is only one sample; a recording needs at least two")
     steps = np.diff(timepts)
@@ -154,7 +155,7 @@ def plan_resampling(
         raise DataError(
             f"{where(row + 1)}: a gap from {timepts[row]:g} s to {timepts[row + 1]:g} s, while the usual interval is "
             f"{usual:g} s: a gap of more than {_GAP:g} usual intervals is not interpolated; split the recording there "
-            "(--allow-gaps, in Python allow_gaps=True)",
+            f"{at_gaps}",
             ReadOptions(allow_gaps=True),
         )
     factor = 1 if sample_time <= _FOLDED * usual else math.ceil(sample_time / usual * (1.0 - _SAME))
@@ -266,7 +267,14 @@ def resample(
     name = label(recording)
     require_reading_time(reading, DataError)
     require_means(means, recording)
-    plan = plan_resampling(times, sample_time, lambda row: f"{name}, sample {row}", reading=reading, means=means)
+    plan = plan_resampling(
+        times,
+        sample_time,
+        lambda row: f"{name}, sample {row}",
+        reading=reading,
+        means=means,
+        at_gaps="and resample each part; read_recordings splits a file with allow_gaps=True",
+    )
     fine = replace(
         recording,
         inputs=np.array([plan.commands(0, row) for row in recording.inputs]).reshape(len(recording.inputs), -1),

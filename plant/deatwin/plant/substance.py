@@ -9,7 +9,7 @@ from inspect import signature
 from types import FunctionType
 from typing import Any, Self
 
-from deatwin.plant.arguments import each, instance, require_fields
+from deatwin.plant.arguments import each, instance, of_plain_data, require_fields
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.laws.breakdown import BreakdownLaw
 from deatwin.plant.laws.energies import ENERGIES
@@ -137,25 +137,21 @@ class Material:
         }
 
     @classmethod
+    @of_plain_data(RigError)
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Make the material from the `data` of `to_dict`; RigError if data are missing or the energy is unknown."""
-        try:
-            return cls(
-                name=str(data["name"]),
-                energy=energy_named(data["energy"]),
-                elastic=tuple(map(_parameter, data["elastic"])),
-                branches=tuple(
-                    Branch(name=b["name"], modulus=_parameter(b["modulus"]), time=_parameter(b["time"]))
-                    for b in data["branches"]
-                ),
-                permittivity=_parameter(data["permittivity"]),
-                breakdown=None if data["breakdown"] is None else BreakdownLaw(**data["breakdown"]),
-                density=float(data["density"]),
-            )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            if isinstance(error, RigError):
-                raise
-            raise RigError(f"malformed material: {error!r}") from None
+        return cls(
+            name=str(data["name"]),
+            energy=energy_named(data["energy"]),
+            elastic=tuple(map(_parameter, data["elastic"])),
+            branches=tuple(
+                Branch(name=b["name"], modulus=_parameter(b["modulus"]), time=_parameter(b["time"]))
+                for b in data["branches"]
+            ),
+            permittivity=_parameter(data["permittivity"]),
+            breakdown=None if data["breakdown"] is None else BreakdownLaw(**data["breakdown"]),
+            density=float(data["density"]),
+        )
 
 
 def energy_named(name: str) -> Callable[..., Symbol]:

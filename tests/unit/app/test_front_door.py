@@ -141,6 +141,7 @@ FILES = {
     "gap.csv": table(row_22="", row_23="", row_24=""),
     "constant.csv": HEADER + "".join(f"\n{0.02 * k:.2f},2.0,0.3" for k in range(40)),
     "nan.csv": table(row_8="0.12,nan,0.3"),
+    "inf.csv": table(row_8="0.12,inf,0.3"),
     "hole.csv": table(row_8="0.12,,0.3"),
     "text.csv": table(row_8="0.12,off,0.3"),
     "over.csv": table(row_8="0.12,9.9E+37,0.3"),
@@ -194,11 +195,13 @@ FILES = {
     .replace("\n\t", "\n0.1\t")
     .replace("\t1.0\t", "\t1.0\t0.2\t"),
     "old.xls": "not a recording",
-    "packed.zip": "not a recording",
+    "packed.7z": "not a recording",
+    "fake.zip": "not a recording",
     "fake.xlsx": "not a recording",
     "nameless.csv": table("time_s,command_V"),
     "name.csv": table('time_s,command_V,"displacement\n(mm)"'),
     "blank.csv": "",
+    "modal.txt": "    -1\n    58\nforce\n    -1\n",
     "rates.csv": "t1_s,command_V,t2_s,y\n"
     + "".join(f"{0.02 * k:.2f},{k}" + (f",{0.04 * k:.2f},{k}\n" if k < 20 else ",,\n") for k in range(40)),
     "aside.csv": "t1_s,command_V,t2_s,displacement_mm\n"
@@ -330,6 +333,7 @@ NOT_FROM_THE_COMMAND_LINE = {
     "checks.py: give a recording with the values in": "commands read files in the plant's units; test_survey.py makes it",
     "checks.py: put the row of that reading first": "readers put the rig's first reading first; test_several_readings.py makes it",
     "checks.py: inputs, but the plant takes one": "commands read the rig's one input; plant/test_refusals.py makes it",
+    "csvtable.py: only an archive of one text file": "test_files_stored.py packs others",
     "csvtable.py: it unpacks to more than": "a text of 1 GB; test_files_stored.py lowers the limit",
     "csvtable.py: cannot be read as numbers": "the last resort of a reader that knows no such cell",
     "csvtable.py: lines; at most": "a file of 40 MB; test_intake.py makes it",

@@ -10,11 +10,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from made_coupons import made_tests
 from public import PUBLIC
 
 from deatwin.ident.frequency import design_excitation, gfrf, nofrf
 from deatwin.ident.greybox import calibrate
 from deatwin.ident.look import best_linear_approximation, look_at
+from deatwin.ident.materials import calibrate_material
 from deatwin.ident.narx import Fixed, ThetaPosterior, excitation, free_run_band, validate
 from deatwin.ident.narx.preprocess import choose_sampling, estimate_dead_time
 from deatwin.plant import CalibratedPlant, Planar, Plant, Recording, actuation_curve
@@ -91,6 +93,7 @@ def results():
         "simulated plant": PLANT.simulate(driven),
         "curve": actuation_curve(PLANT, np.linspace(0.0, 2.0, 5)),
         "calibration": calibrate(PLANT, PLANT.record(driven, rng), names=["permittivity"], starts=1),
+        "material": calibrate_material(made_tests(rng), {"energy": "gent"}),
         "prediction": CalibratedPlant(plant=PLANT, noise=1e-6, model_error=0.0).predict(driven),
     }
 

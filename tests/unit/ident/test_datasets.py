@@ -16,6 +16,8 @@ from deatwin.ident.narx.linear.model import fields_of as linear_fields_of
 from deatwin.ident.narx.posterior import one_step_band
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections
 from deatwin.ident.narx.preprocess.orders import OrderChoice, OrderTrial, TrialStatus
+from deatwin.ident.nss import NonlinearStateSpace
+from deatwin.ident.nss.document import fields_of as state_space_fields_of
 from deatwin.plant import Experiment, Plant, Recording
 
 pytest.importorskip("xarray")
@@ -95,6 +97,27 @@ def test_a_linear_model_and_its_response(kept):
     np.testing.assert_allclose(response["imaginary"], expected.imag, rtol=1e-12, atol=1e-15)
     assert response["omega"].attrs["units"] == "rad/s"
     np.testing.assert_allclose(response["frequency_Hz"], [0.0, 10 / (2 * np.pi)])
+
+
+def test_a_nonlinear_state_space_comes_back_whole(kept):
+    model = NonlinearStateSpace(
+        terms=["x1^3"],
+        transition=[[0, 0.5, 1, -0.1]],
+        output=[[0, 2, 0, 0]],
+        sample_time=0.02,
+        noise_variance=[4e-4],
+        theta_cov=1e-4 * np.eye(8),
+        output_units=("m",),
+        output_scale=[3.0],
+    )
+    back = kept(model.to_xarray())
+    assert back["regressor"].values.tolist() == ["1", "x1", "u", "x1^3"]
+    assert float(back["transition"].sel(regressor="x1^3")[0]) == -0.1
+    assert float(back["output_weights"].sel(output="output", regressor="x1")) == 2.0
+    assert float(back["noise_variance"][0]) == 4e-4 and back["noise_variance"].attrs["units"] == "(m)^2"
+    assert float(back["theta_cov"][7, 7]) == 1e-4 and back.attrs["output_scale"] == 3.0
+    again = NonlinearStateSpace(**state_space_fields_of(json.loads(str(back["document"].values))))
+    assert again.simulate([1.0, 1.0]).outputs.tolist() == model.simulate([1.0, 1.0]).outputs.tolist()
 
 
 def test_a_calibration_keeps_values_intervals_and_residuals(oscillator, experiment, kept):

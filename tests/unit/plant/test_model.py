@@ -69,6 +69,14 @@ def test_plants_that_differ_in_free_values_share_their_code(base):
     [
         ({"effects": ["crep"]}, 'did you mean "creep"'),
         ({"rig": {"kind": "diafragm"}}, 'did you mean "diaphragm"'),
+        ({"rig": {}}, r"malformed Plant: the key 'kind' is missing; give data as Plant\.to_dict"),
+        ({"rig": {"kind": "disc"}}, r"malformed Disc: the key 'command_range' is missing; give data as Disc\.to_dict"),
+        (
+            {"rig": {**Diaphragm().to_dict(), "kind": "diaphragm", "radius": 1}},
+            "malformed Diaphragm: the key 'radius' is unknown",
+        ),
+        ({"rig": {**Diaphragm().to_dict(), "kind": "diaphragm", "material": {}}}, "malformed Material: the key 'name'"),
+        ({"effects": None}, "malformed Plant: 'NoneType' object is not iterable"),
         ({"parameters": {"shear_modulus": {}}}, "malformed parameters"),
         ({"parameters": {"shear_modulos": {"value": 2e4}}}, 'did you mean "shear_modulus"'),
         ({"parameters": {"shear_modulus": {"value": -1.0}}}, "out of range"),

@@ -150,6 +150,9 @@ def test_gaps_stay_gaps(tmp_path: Path) -> None:
     )
     with pytest.raises(DataError, match="row 102: a gap"):
         read_recording(tmp_path / "r.csv", resample=STEP)
+    whole = Recording.from_arrays(np.sin(times[rows]), times[rows], STEP)
+    with pytest.raises(DataError, match=r"sample 100: a gap .*; split the recording there and resample each part"):
+        resample(whole, STEP, timepts=times[rows])
     first, second = read_recordings(tmp_path / "r.csv", resample=STEP, allow_gaps=True)
     assert first.end < times[110] <= second.start
     assert (second.start - first.start) / STEP == pytest.approx(round((second.start - first.start) / STEP))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.arguments import number, numbers, positive, require_fields, taking
+from deatwin.control.arguments import number, numbers, of_plain_data, positive, require_fields, taking
 from deatwin.control.errors import ControlError
 from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.arrays import Array
@@ -166,6 +166,7 @@ class Law(Rebuilt):
         return {name: getattr(self, name).tolist() for name in ("a", "b", "c", "d")}
 
     @classmethod
+    @of_plain_data(ControlError)
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild a law from the `data` that `to_dict` returned."""
         n = len(data["c"])

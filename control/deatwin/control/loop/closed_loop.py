@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deatwin.control.arguments import function, generator, instance, not_negative, row, taking
+from deatwin.control.arguments import function, generator, instance, not_negative, of_plain_data, row, taking
 from deatwin.control.controllers.base import Controller, require_clock
 from deatwin.control.errors import ControlError
 from deatwin.control.progress import Progress
@@ -189,6 +189,7 @@ class ClosedLoop(Described):
         }
 
     @classmethod
+    @of_plain_data(ControlError)
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild a run from the `data` of `to_dict`; ControlError if a value's square overflows."""
         low, high = data["command_limits"]

@@ -146,7 +146,8 @@ def limit_cycles(
     Parameters
     ----------
     loop_numerator, loop_denominator : array_like, shapes (n_b,) and (n_a,)
-        Coefficients of z^0, z^-1, ... of L, the linear part of the loop. The product N L is dimensionless.
+        Coefficients of z^0, z^-1, ... of L, the linear part of the loop; see `margins`. The product N L is
+        dimensionless.
     sample_time : float
         Sampling time h, s.
     describing_function : callable

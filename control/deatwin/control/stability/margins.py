@@ -74,7 +74,8 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
     ----------
     numerators, denominators : array_like, shapes (..., n_b) and (..., n_a)
         Coefficients of z^0, z^-1, ... of one dimensionless loop, or of several along leading axes, which broadcast
-        against each other.
+        against each other. Of falling powers of z, as in python-control, first pad the shorter polynomial with zeros at
+        its front.
     sample_time : float
         Sampling time, s.
 

@@ -13,6 +13,7 @@ from deatwin.ident.materials.energies import EnergyStart
 from deatwin.ident.materials.noise import ROUNDING, Whitener
 from deatwin.ident.materials.observations import PER_DECADE, Observations
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Frozen
 from deatwin.plant.laws.energies import neo_hookean
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.prefixes import with_unit
@@ -41,7 +42,7 @@ class Quantity:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
+class Fit(Frozen):
     """The best fit of one energy with a given number of branches."""
 
     start: EnergyStart

@@ -15,6 +15,7 @@ from deatwin.ident.materials.energies import EnergyStart
 from deatwin.ident.materials.flow import STRETCHES, branch_stress, dynamic_shares
 from deatwin.ident.materials.tests import MaterialTest
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Frozen
 from deatwin.plant.laws.energies import first_invariant
 
 PER_DECADE = 12  # Relaxation times per decade of the table; a spline between them is exact to 1e-5
@@ -29,7 +30,7 @@ pulls. From either on, tests can separate relaxation from elasticity; at a singl
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Block:
+class Block(Frozen):
     """The samples of one test."""
 
     test: MaterialTest

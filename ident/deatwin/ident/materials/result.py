@@ -15,6 +15,7 @@ from deatwin.ident.materials.observations import Block, Observations
 from deatwin.ident.materials.section import toml_of
 from deatwin.ident.materials.tests import MaterialTest
 from deatwin.plant.arrays import Array
+from deatwin.plant.copies import Frozen
 from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.records import Json
 from deatwin.plant.rigs.rigmaterial import read_material
@@ -32,7 +33,7 @@ class Choice:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CalibratedMaterial:
+class CalibratedMaterial(Frozen):
     """Material calibrated by `calibrate_material`, with the intervals of its parameters.
 
     Parameters

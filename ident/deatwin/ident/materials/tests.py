@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from deatwin.ident.materials.flow import STRETCHES
 from deatwin.plant.arrays import Array, real_numbers
+from deatwin.plant.copies import Rebuilt
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.words import listed
 
@@ -19,7 +20,7 @@ FEWEST = 4  # Fewest samples of a test: fewer carry less information than its no
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MaterialTest:
+class MaterialTest(Rebuilt):
     """Data of one mechanical test. Before the test, the specimen was at rest and unstretched.
 
     Parameters

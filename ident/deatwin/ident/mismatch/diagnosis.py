@@ -28,6 +28,7 @@ from deatwin.ident.mismatch.result import (
 )
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Explanation, FittedParameter, Verdict
 from deatwin.plant.amplitudes import amplitude_unit
+from deatwin.plant.arguments import of_plain_data
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, columns, document, several
 from deatwin.plant.documents import read_document, write_document
@@ -244,6 +245,7 @@ class Diagnosis(Described):
         return axes
 
     @classmethod
+    @of_plain_data()
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Make the diagnosis from the data that `to_dict` returned.
 
@@ -261,11 +263,8 @@ class Diagnosis(Described):
         ModelError
             If a field is missing or malformed.
         """
-        try:
-            somewhere = data["locate"] if any(data["locate"].values()) else None
-            found = read(cls, {**data, "locate": somewhere})
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise ModelError(f"malformed diagnosis: {error!r}") from None
+        somewhere = data["locate"] if any(data["locate"].values()) else None
+        found = read(cls, {**data, "locate": somewhere})
         found._require_consistent()
         return found
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ from deatwin.ident.nss.document import SCHEMA, WEIGHTS, fields_of, to_document, 
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.search import Opening, opened
 from deatwin.plant.arrays import Array, texts
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, document, squared, variable
 from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -30,7 +31,7 @@ _WARMUP_PER_STATE = 10  # Samples from which the first state is estimated: its n
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fields_of):
+class NonlinearStateSpace(Described, Saved, schema=SCHEMA, document=to_document, fields=fields_of):
     """Nonlinear state space x(k+1) = W phi(k), y(k) = V phi(k) + e(k).
 
     x are the states, y the outputs and e the noise of the readings. The regressors phi are 1, the states, the inputs
@@ -100,6 +101,25 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     output_origin: Array = field(default_factory=lambda: np.zeros(0))
     output_scale: Array = field(default_factory=lambda: np.zeros(0))
     provenance: Mapping[str, str] = field(default_factory=dict)
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "regressor": coordinate("regressor", of=lambda model: list(model.system.basis.labels)),
+        "output_name": coordinate("output", name="output", of=lambda model: list(model.output_names)),
+        "transition": variable("state", "regressor"),
+        "output": variable("output", "regressor", name="output_weights"),
+        "directions": variable("direction", "regressor"),
+        "theta_cov": variable("weight", "other_weight"),
+        "noise_variance": variable(
+            "output", unit=lambda model: squared(model.output_units[0] if len({*model.output_units}) == 1 else "")
+        ),
+        "sample_time": attribute(),
+        **{
+            f"{side}_{key}": attribute(of=lambda model, name=f"{side}_{key}": list(getattr(model, name)))
+            for side in ("input", "output")
+            for key in ("names", "units", "origin", "scale")
+        },
+        "document": document(to_document),
+    }
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Another process may not know the registered functions of the terms.

@@ -112,11 +112,16 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
     advice, offers = "remove the repeated rows, or correct their times", NO_OPTIONS
     if (back := steps < 0.0).any():
         row = int(np.argmax(back)) + 1
-        restarts = timepts[row] <= timepts[0] + np.median(np.abs(steps))
-        advice = "there the clock starts again: give each run its own file" if restarts else "put the rows in order"
+        usual = float(np.median(np.abs(steps)))
+        fallen = usual - float(steps[row - 1])
+        advice = "put the rows in order"
+        if len(at) == 1 and steps.max() < _GAP * usual:  # nothing is missing that came too early
+            advice = f"there the clock was set back: add {fallen:.6g} s from there on, or give each part its own file"
+        if timepts[row] <= timepts[0] + usual:
+            advice = "there the clock starts again: give each run its own file"
         advice = "the rows run backwards: put them in order" if back.mean() > 0.5 else advice
-        advice = _overflow(float(np.median(np.abs(steps)) - steps[row - 1])) or advice
-        advice = _changed_clock(steps[row - 1], float(np.median(np.abs(steps)))) + advice
+        advice = _overflow(fallen) or advice
+        advice = _changed_clock(steps[row - 1], usual) + advice
     elif rounded := rounded_clock(timepts):
         offers = ReadOptions(dt=float(f"{rounded.sample_time:.9g}"))
         advice = f"the times are printed too coarsely; if the rows are evenly sampled, state the sample time: {offers}"
@@ -129,10 +134,10 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
 
 
 def _overflow(back: float) -> str:
-    """Return the advice if times fall by a minute, or by as much as a counter of 16, 24 or 32 bits holds in s, ms or us."""
+    """Return the advice if times fall by a minute, a day, or as much as a counter of 16, 24 or 32 bits holds in s, ms or us."""
     if abs(back / 60.0 - 1.0) < _FULL:
         return "there the seconds of a minute begin again: write hours, minutes and seconds in one column, as in 12:00:00.25"
-    full = (2.0**bits / rate for bits in (32, 24, 16) for rate in (1e6, 1e3, 1.0))
+    full = (86400.0, *(2.0**bits / rate for bits in (32, 24, 16) for rate in (1e6, 1e3, 1.0)))
     size = next((size for size in full if abs(back / size - 1.0) < _FULL), None)
     return "" if size is None else f"there the counter of the times began again at 0: add {size:.10g} s from there on"
 

@@ -5,10 +5,12 @@ import gzip
 import hashlib
 import io
 import re
+import zipfile
 import zlib
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +42,7 @@ from deatwin.plant.files.csvtext import (
     without_index_line,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
+from deatwin.plant.files.formats.optional import reading
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import for_name, split_unit, split_units
 from deatwin.plant.files.units import UNITS, find_unit
@@ -47,6 +50,7 @@ from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
 
+TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")  # Endings of the names of files with text
 DESCRIPTION = f"# {SCHEMA} "  # Start of a line above the header that holds a description
 _GZIP = b"\x1f\x8b"  # First bytes of a gzip file
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-precision number in Fortran
@@ -57,10 +61,14 @@ _DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a min
 _GUARDED = re.compile(r'(?m)(^|[,;|\t])="([^"\n]*)"(?=[,;|\t]|$)')
 """Text that a program keeps from a spreadsheet's guesses."""
 _SIGN_APART = re.compile(r'(?<=[,;|\t"])([-+]) +(?=[\d.])')  # Sign of a number that a logger aligns at the right
+_RECEIVED = re.compile(
+    r"(?m)^(\d\d:\d\d:\d\d\.\d{3}) -> (.*)"
+)  # Line with the time at which Arduino's monitor received it
 _UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points between thousands
 _DIGITS = 3  # Number of digits in a group of thousands
+_LISTED = 5  # Largest number of files that an error lists
 _FEW = 1000  # Number of cells that are looked at first
 _EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
 _RULED = re.compile(r"(?=.*(?:---|===|[-–]\s*[,;|\t]\s*[-–]))[-–=+:|,;\t ]+")
@@ -330,7 +338,7 @@ class CsvTable(Table):
                 if not is_number(cell.replace(",", ".")):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number{advice_for(cell)}')
                 if not np.isfinite(number := np.array(float(cell.replace(",", ".")))):
-                    return DataError(f"{place}: {clipped(cell)} is not a finite number")
+                    return DataError(f"{place}: {clipped(cell)} is not a finite number; leave the cell empty")
                 if np.abs(self.unit(column).to_si(number)) > self.largest(column):
                     return DataError(
                         f"{place}: {clipped(cell)} marks an overflow or a missing value; leave the cell empty, or give a "
@@ -365,7 +373,8 @@ def _is_absent(cell: str) -> bool:
 def read_table(path: str | Path) -> CsvTable:
     """Read a CSV file: UTF-8, UTF-16 with its mark, GBK or Windows-1252; comma, semicolon, tab, bar or blanks."""
     content, name = read_bytes(path, TEXT_BYTES), str(path)
-    content = _unzipped(content, name) if content[:2] == _GZIP else content
+    if content[:2] == _GZIP or name.lower().endswith(".zip"):
+        content = _unzipped(content, name)
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
     text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
@@ -374,20 +383,48 @@ def read_table(path: str | Path) -> CsvTable:
     text = _DASH.sub("-", text) if "\u2013" in text else text
     text = _SIGN_APART.sub(r"\1", text) if "+ " in text or "- " in text else text
     lines = text.split("\n")
+    if _RECEIVED.match(text):
+        lines = [_RECEIVED.sub(_with_stamp, line) for line in lines]
     table = table_of(lines, range(1, len(lines) + 1), name, hashlib.sha256(content).hexdigest())
     return replace(table, ended=len(lines) not in table.rows[-1:])
 
 
+def _with_stamp(line: re.Match[str]) -> str:
+    """Return a line with the time at which it was received as its first cell."""
+    cells = line[2]
+    mark = next((mark for mark in ";\t," if mark in cells), BLANKS)
+    named = not holds_number(split_cells(cells, mark)) and re.search(r"[^\W\d_]", cells)
+    return f"{'received' if named else line[1]}{mark}{cells}"
+
+
 def _unzipped(content: bytes, path: str) -> bytes:
-    """Return the text in a gzip file."""
-    try:
-        with gzip.GzipFile(fileobj=io.BytesIO(content)) as packed:
+    """Return the text in a gzip file, or in a zip archive."""
+    if content[:2] == _GZIP:
+        try:
+            with gzip.GzipFile(fileobj=io.BytesIO(content)) as packed:
+                text = packed.read(TEXT_BYTES + 1)
+        except (OSError, EOFError, zlib.error) as error:
+            raise DataError(f"{path}: gzip cannot unpack it: {clipped(error)}; it is damaged or incomplete") from None
+    else:
+        with reading(path, "zip"), _only_file(content, path) as packed:
             text = packed.read(TEXT_BYTES + 1)
-    except (OSError, EOFError, zlib.error) as error:
-        raise DataError(f"{path}: gzip cannot unpack it: {clipped(error)}; it is damaged or incomplete") from None
     if len(text) > TEXT_BYTES:
         raise DataError(f"{path}: it unpacks to more than {in_words(TEXT_BYTES)}, which is the most that can be read")
     return text
+
+
+def _only_file(content: bytes, path: str) -> IO[bytes]:
+    """Open the one file of a zip archive, which must be text."""
+    archive = zipfile.ZipFile(io.BytesIO(content))
+    files = [file.filename for file in archive.infolist() if not file.is_dir() and "__MACOSX" not in file.filename]
+    if len(files) != 1 or not files[0].lower().endswith(TEXTS):
+        held = ", ".join(map(clipped, files[:_LISTED])) or "no file"
+        more = f" and {len(files) - _LISTED} more" if len(files) > _LISTED else ""
+        raise DataError(
+            f"{path}: only an archive of one text file ({', '.join(TEXTS)}) can be read, but this one holds {held}{more}; "
+            "unpack it, and give the files inside it"
+        )
+    return archive.open(files[0])
 
 
 def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) -> CsvTable:
@@ -407,6 +444,10 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         rows, lines = rows[1:], lines[1:]
     if not lines:
         raise DataError(f"{name}: the file is empty; it must hold a header, with the names of its columns, and samples")
+    if lines[0].rstrip() == "    -1" and lines[1:] and lines[1].strip().isdecimal():
+        raise DataError(
+            f"{name}: this is a universal file (data set {clipped(lines[1].strip())}), which cannot be read; export columns of text"
+        )
     lines, rows = without_index_line(with_name_of_rows(lines), rows)
     layout = find_layout(lines, rows, name)
     if layout.head:

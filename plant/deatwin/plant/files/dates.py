@@ -12,9 +12,21 @@ from decimal import Decimal
 
 ORDERS = ("dmy", "mdy", "ymd")  # Order of day and month, or of a year of two digits, as a user states it
 CLOCK = "hhmmss"  # Times of day written as one number, 143005.25 for 14:30:05.25, as a user states it
-_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_MONTHS = {
+    start: month
+    for month, starts in enumerate(
+        (
+            *("jan ene gen", "feb fév fev", "mar mär mae mrz mrt maa", "apr avr abr", "may mai mei mag maj"),
+            *("jun juin giu", "jul juil lug", "aug aoû aou ago", "sep set", "oct okt ott out", "nov"),
+            "dec dez dic déc",
+        ),
+        start=1,
+    )
+    for start in starts.split()
+}
+"""Months by the first letters of their names in English, German, Dutch, Swedish and the Romance languages."""
 _ISO = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)(?:[T ,]+(.*))?")
-_OTHER = re.compile(r"(\d\d?)([-/. ])(\d\d?|[A-Za-z]{3})\2(\d{4}|\d\d)(?:[T ,]+(.*))?")
+_OTHER = re.compile(r"(\d\d?)([-/.])(\d\d?)\2(\d{4}|\d\d)(?:[T ,]+(.*))?")
 _COMPACT = re.compile(  # 14, 17 and 20 digits are no Unix time
     r"((?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01]))[T_]?"
     r"((?:[01]\d|2[0-3])[0-5]\d[0-5]\d)(?:[.,]?((?<=[.,])\d+|\d{3}(?:\d{3})?))?(Z|[+-]\d\d:?\d\d)?"
@@ -23,8 +35,15 @@ _CLOCK = re.compile(  # behind a colon, two digits may be hundredths, millisecon
     r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,:]((?<!:)\d+|\d{3}(?:\d{3})?))?)?\s*(?:([ap])\.?m\.?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?",
     re.IGNORECASE,
 )
-_NAMED = re.compile(  # March 4, 2024 12:00:00, or as C writes it, Mon Mar  4 12:00:00 2024
-    r"(?:[A-Za-z]{3,9},? +)?([A-Za-z]{3,9})\.? +(\d\d?),? +(?:(\d{4})(?:,? +(.*))?|(\d\d?:\S+) +(\d{4}))"
+_WORD = r"(?P<month>[^\W\d_]{3,10})"
+_NAMED = tuple(
+    re.compile(rf"(?:[^\W\d_]{{2,10}}[.,]* +)?{form}")  # perhaps behind the day of the week
+    for form in (
+        rf"(?P<day>\d\d?)(?:\.? ?|[-/]){_WORD}\.?[-/ ]?(?P<year>\d{{4}}|\d\d)(?:[T ,]+(?P<clock>.*))?",
+        rf"(?P<year>\d{{4}})[-/. ]?{_WORD}\.?[-/ ]?(?P<day>\d\d?)(?:[T ,]+(?P<clock>.*))?",
+        rf"{_WORD}\.? +(?P<day>\d\d?),? +(?P<year>\d{{4}})(?:,? +(?P<clock>.*))?",
+        rf"{_WORD}\.? +(?P<day>\d\d?),? +(?P<clock>\d\d?:\S+) +(?P<year>\d{{4}})",  # as C writes it
+    )
 )
 _ZONE = re.compile(r"(?<=Z|\d)\[[A-Za-z][\w/+-]*\]$")  # Name of the zone behind the offset, as RFC 9557 writes it
 _ONE_NUMBER = re.compile(r"(\d\d)(\d\d)(\d\d)(?:[.,](\d+))?")
@@ -37,10 +56,19 @@ def is_date(cell: str) -> bool:
     """Return whether a cell begins like a date."""
     if _ISO.fullmatch(cell) or _COMPACT.fullmatch(cell):
         return True
-    if found := _NAMED.fullmatch(cell):
-        return found[1][:3].lower() in _MONTHS
-    found = _OTHER.fullmatch(cell)
-    return found is not None and ((found[3].isdigit() and found[2] != " ") or found[3].lower() in _MONTHS)
+    return _OTHER.fullmatch(cell) is not None or _named(cell) is not None
+
+
+def _named(cell: str) -> re.Match[str] | None:
+    """Return the parts of a date with the name of its month; None if it is none."""
+    matches = (form.fullmatch(cell) for form in _NAMED)
+    return next((found for found in matches if found and _month(found["month"])), None)
+
+
+def _month(name: str) -> int:
+    """Return the month of a name; 0 if it is none."""
+    start = name.lower()[:4]
+    return _MONTHS.get(start) or _MONTHS.get(start[:3], 0)
 
 
 def is_clock(cell: str) -> bool:
@@ -57,7 +85,7 @@ def date_orders(cells: Iterable[str]) -> tuple[str, ...]:
     left: tuple[str, ...] = ORDERS
     for cell in cells:
         found = _OTHER.fullmatch(cell.strip())
-        if found is None or found[2] == "." or not found[3].isdigit():
+        if found is None or found[2] == ".":
             return ORDERS[:1]
         first, second, last = int(found[1]), int(found[3]), int(found[4])
         fits = {
@@ -90,18 +118,14 @@ def _moment(cell: str, order: str) -> datetime:
     """Return a date in a format that `datetime.fromisoformat` does not know."""
     if found := _ISO.fullmatch(cell):
         year, month, day, clock = found[1], found[2], found[3], found[4]
-    elif (found := _NAMED.fullmatch(cell)) and found[1][:3].lower() in _MONTHS:
-        year, month, day = found[3] or found[6], str(1 + _MONTHS.index(found[1][:3].lower())), found[2]
-        clock = found[4] or found[5]
     elif found := _OTHER.fullmatch(cell):
-        clock, order = found[5], order if found[3].isdigit() else "dmy"
         parts = dict(zip(order or ORDERS[0], (found[1], found[3], found[4]), strict=True))
-        day, month, year = parts["d"], parts["m"], parts["y"]
-        month = month if month.isdigit() else str(1 + _MONTHS.index(month.lower()))
-        year = year if len(year) == 4 else f"20{year}"
+        day, month, year, clock = parts["d"], parts["m"], parts["y"], found[5]
+    elif found := _named(cell):
+        year, month, day, clock = found["year"], str(_month(found["month"])), found["day"], found["clock"]
     else:
         raise ValueError("no date")
-    date = datetime(int(year), int(month), int(day))
+    date = datetime(int(year if len(year) == 4 else f"20{year}"), int(month), int(day))
     if not clock:
         return date
     time = _CLOCK.fullmatch(clock)

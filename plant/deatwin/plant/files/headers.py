@@ -95,6 +95,8 @@ _BEHIND = re.compile(r"[)\]][^()\[\]]*$")
 _RATIO = re.compile(r"(?<![\d.])\d[\d.]*\s?([^\W\d_]+)\s?(/|=|≙|→|->|\bper\b|\bpro\b)\s?(?:\d[\d.]*\s?)?([^\W\d_]+)")
 TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _LIKE_TIME = re.compile("(?i)time|stamp|clock|zeit|elapsed|temps|tiempo")
+_SYMBOLS_OF = {"s": "m", "h": "m", "l": "m", "m": "kg", "F": "N", "T": "K", "C": "F", "W": "J"}
+"""Symbols of quantities that are units, too, and the unit of the quantity: ``s/mm`` is a way, as ISO 80000 writes it."""
 _NO_QUANTITIES = frozenset({"counts"})  # Words before a slash that belong to an unknown unit, as in ``counts/s``
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff(?!us)|d_?t(?![a-z])|(.*[^a-z]|temp)?(difference|rise|increase)\b)")
 _LAST_WORD = (
@@ -347,5 +349,7 @@ def _is_rate(before: str, unit: str) -> bool:
     """Return whether the text before a slash belongs to a unit; ``t/s`` and ``Zeit/s`` are times, any other ``/s`` is a
     rate.
     """
+    if _SYMBOLS_OF.get(before) == UNITS[unit].si:
+        return False
     rate = UNITS[unit].si == "s" and not _is_time(before)
     return rate or bool(find_unit(before)) or before in _NO_QUANTITIES

@@ -12,7 +12,7 @@ from deatwin.plant.arrays import real_numbers
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.assemble import on_one_clock, recordings_of
 from deatwin.plant.files.columns import chosen_columns
-from deatwin.plant.files.csvtable import read_table
+from deatwin.plant.files.csvtable import TEXTS, read_table
 from deatwin.plant.files.csvwrite import csv_text
 from deatwin.plant.files.formats.lvm import read_lvm
 from deatwin.plant.files.formats.mat import read_mat, write_mat
@@ -33,12 +33,7 @@ _COLUMN = instance(str, error=DataError)
 
 # A new format needs a line in each table: a reader that returns a Table, and a writer of a Recording.
 _READERS: dict[str, Callable[[str | Path], Table]] = {
-    ".csv": read_table,
-    ".txt": read_table,
-    ".tsv": read_table,
-    ".dat": read_table,
-    ".asc": read_table,
-    ".log": read_table,
+    **dict.fromkeys(TEXTS, read_table),
     ".lvm": read_lvm,
     ".xlsx": read_xlsx,
     ".xlsm": read_xlsx,
@@ -49,7 +44,7 @@ _READERS: dict[str, Callable[[str | Path], Table]] = {
     ".nc": read_netcdf,
 }
 ENDINGS = tuple(_READERS)  # Endings of the names of files that can be read
-_PACKED = (".gz", ".zip", ".7z", ".bz2", ".xz", ".zst", ".rar", ".tar", ".tgz")
+_PACKED = (".gz", ".7z", ".bz2", ".xz", ".zst", ".rar", ".tar", ".tgz")
 _WRITERS: dict[str, Callable[[Path, Recording], None]] = {
     ".csv": lambda path, recording: _write_text(path, csv_text(recording)),
     ".mat": write_mat,
@@ -328,7 +323,7 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     """Return the reader or writer of a file's format."""
     name = Path(split_sheet(path)[0] if verb == "read" else path)
     ending = name.suffix.lower()
-    if ending == ".gz" and verb == "read" and ways.get(name.with_suffix("").suffix.lower()) is ways[".csv"]:
+    if verb == "read" and (ending == ".zip" or (ending == ".gz" and name.with_suffix("").suffix.lower() in TEXTS)):
         return ways[".csv"]
     if ending in _PACKED and verb == "read":
         raise DataError(f"{path}: it is packed; unpack it, and give the file inside it")

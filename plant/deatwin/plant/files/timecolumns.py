@@ -25,7 +25,7 @@ from deatwin.plant.safe_read import clipped
 Floats = NDArray[np.float64]
 _STAMP_NAMES = (
     *("ts", "timestamp", "datetime", "unixtime", "times", "elapsed", "elapsedtime", "date", "zeitstempel"),
-    *("utc", "utctime", "gpstime", "timeutc", "timeofday", CLOCK),
+    *("utc", "utctime", "gpstime", "filetime", "relativetime", "reltime", "testtime", "timeutc", "timeofday", CLOCK),
     *("datum", "datumuhrzeit", "datumzeit", "horodatage", "fecha", "fechahora"),
 )
 _CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0), (2447892.0, 2488070.0))
@@ -109,8 +109,8 @@ def _equal(table: Table, columns: list[int]) -> bool:
 
 
 def _plain(name: str) -> str:
-    """Return a name without capitals, blanks, underscores and a bracketed suffix such as a time zone."""
-    return re.sub(r"[\s/&+_-]|\(.*\)$", "", name).lower()
+    """Return a name without capitals, blanks, underscores and a bracketed suffix such as a time zone or an index."""
+    return re.sub(r"[\s/&+_-]|\(.*\)$|\[\d+\]$", "", name).lower()
 
 
 def _group(name: str) -> str:

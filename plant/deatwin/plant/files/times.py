@@ -1,7 +1,8 @@
 """Times that are not plain numbers with a unit: dates, times of day, Unix times.
 
 The size of a Unix time tells its unit: from 2001-09-09, 1e9 s, to 2065, 3e9 s, numbers in s, ms, us and ns do not
-overlap, and no clock has run for 32 years; above, numbers may be seconds since 1904, as LabVIEW counts.
+overlap, and no clock has run for 32 years; above, numbers may be seconds since 1904, as LabVIEW counts. Counts of 100 ns
+since 1601, as Windows has, or since the year 1, as .NET has, overlap with none of them.
 """
 
 import re
@@ -13,7 +14,7 @@ from decimal import Decimal
 import numpy as np
 
 from deatwin.plant.files.dates import CLOCK, ORDERS, date_orders, day_seconds, is_clock, is_date, moment
-from deatwin.plant.files.units import UNITS, find_unit
+from deatwin.plant.files.units import UNITS, Unit, find_unit
 from deatwin.plant.safe_read import clipped
 
 BEGAN = "clock_began"  # Key of the provenance for the date at which the clock is zero
@@ -21,6 +22,8 @@ DATES, TIMES_OF_DAY = "dates", "times of day"
 TIME_UNITS = tuple(name for name, unit in UNITS.items() if unit.si == "s")
 _SIZED = ("s", "ms", "us", "ns")
 _FIRST, _LAST = 10**9, 3 * 10**9  # Range of values taken as Unix times, s: September 2001 to January 2065
+_TICK = Unit("s", 1, 1e7)
+_BEFORE_UNIX = {1601: 11_644_473_600, 1: 62_135_596_800}  # Seconds from the start of a year to that of 1970
 _LIKE_CLOCK = re.compile(r"\d{5,6}([.,]\d*)?|\d{9}")  # from one o'clock on
 _BEHIND = re.compile(r"[-+\d.,eE]*\d\s*([A-Za-z]+)")  # Number with a unit behind it
 _GAP = 1.6  # Step above which there is a gap, in usual steps
@@ -36,6 +39,7 @@ class TimeScale:
     first: Decimal = Decimal(0)
     order: str = "dmy"
     behind: str = ""  # The unit as it stands behind each value
+    year: int = 1970  # Year from whose start Unix times count, or ticks of 100 ns
 
     @property
     def texts(self) -> bool:
@@ -46,8 +50,13 @@ class TimeScale:
     def said(self) -> str:
         """Description of how the values were read."""
         if self.unit:
-            return f"Unix times in {self.unit}"
+            return f"Unix times in {self.unit}" if self.year == 1970 else f"ticks of 100 ns since the year {self.year}"
         return DATES if self.began else TIMES_OF_DAY
+
+    @property
+    def count(self) -> Unit:
+        """Unit of values that are numbers."""
+        return UNITS[self.unit] if self.year == 1970 else _TICK
 
     @property
     def provenance(self) -> dict[str, str]:
@@ -64,7 +73,7 @@ class TimeScale:
             return [(moment(cell, self.order) - began).total_seconds() for cell in cells]
         if any("_" in cell for cell in cells):
             raise ValueError("Python's own mark between thousands")
-        unit, first = UNITS[self.unit], self.first
+        unit, first = self.count, self.first
         factor = Decimal(int(unit.numerator)) / Decimal(int(unit.denominator))
         return [float((Decimal(cell.strip().removesuffix(self.behind)) - first) * factor) for cell in cells]
 
@@ -133,7 +142,7 @@ def _of_day(cells: Sequence[str]) -> TimeScale | None:
 
 
 def _unix(first: str, unit: str) -> TimeScale | None:
-    """Return how to read Unix times; None if the first value is not one."""
+    """Return how to read Unix times, or ticks; None if the first value is not one."""
     try:
         value = Decimal(first.replace(",", "."))
         for name in (unit,) if unit else _SIZED:
@@ -141,6 +150,11 @@ def _unix(first: str, unit: str) -> TimeScale | None:
             if _FIRST <= seconds < _LAST:
                 began = _UNIX + timedelta(microseconds=int(seconds * 10**6))
                 return TimeScale(unit=name, began=began, first=value)
+        for year, before in () if unit else _BEFORE_UNIX.items():
+            if _FIRST <= (seconds := value / int(_TICK.denominator) - before) < _LAST:
+                began = _UNIX + timedelta(microseconds=int(seconds * 10**6))
+                began = began if year == 1601 else began.replace(tzinfo=None)  # .NET counts local time, too
+                return TimeScale(unit="s", began=began, first=value, year=year)
     except ArithmeticError:  # not a number, or outside the range of Decimal
         return None
     return None

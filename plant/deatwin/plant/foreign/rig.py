@@ -9,6 +9,7 @@ from math import isfinite
 from numbers import Real
 from typing import Any, ClassVar, Self
 
+from deatwin.plant.arguments import of_plain_data
 from deatwin.plant.arrays import texts
 from deatwin.plant.builder import Builder
 from deatwin.plant.chain import MeasuringChain
@@ -217,6 +218,7 @@ class ForeignRig(Rig):
         return found
 
     @classmethod
+    @of_plain_data(RigError)
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Return the rig that `to_dict` described.
 

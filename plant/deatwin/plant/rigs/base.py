@@ -12,6 +12,7 @@ from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from deatwin.plant.arguments import of_plain_data
 from deatwin.plant.builder import Builder
 from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects.base import Effect
@@ -218,6 +219,7 @@ class Rig(ABC):
         return described
 
     @classmethod
+    @of_plain_data(RigError)
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Make the rig from the `data` of `to_dict`; RigError if a field has a wrong type or is out of range."""
         limits, chain = data["command_range"], data.get("chain")

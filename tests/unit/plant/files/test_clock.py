@@ -52,6 +52,21 @@ def test_stated_sample_time() -> None:
     assert (sample_time, piece.clock.tolist()) == (0.5, [5.0])
 
 
+def test_a_day_that_begins_again_and_a_clock_that_was_set_back_are_named() -> None:
+    times = 86399.0 + 0.02 * np.arange(100)
+    for spoilt, said in (
+        (times % 86400.0, "began again at 0: add 86400 s from there on"),
+        (
+            np.where(times < 86399.99, times, times - 0.35),
+            r"the clock was set back: add 0\.35 s from there on, or give each",
+        ),
+        (times[[*range(40), 41, 40, *range(42, 100)]], "put the rows in order"),
+        (times[[*range(40), *range(60, 80), *range(40, 60), *range(80, 100)]], "put the rows in order"),
+    ):
+        with pytest.raises(DataError, match=said):
+            even_pieces(spoilt, str, allow_gaps=False)
+
+
 @pytest.mark.parametrize(("bits", "rate"), [(32, 1e6), (32, 1e3), (24, 1e6), (16, 1e3)])
 def test_a_counter_that_begins_again_is_named(bits: int, rate: float) -> None:
     size = 2.0**bits / rate

@@ -153,9 +153,31 @@ def test_a_cell_that_is_no_date(tmp_path: Path) -> None:
             read_recording(written(tmp_path, [*cells[:7], wrong, *cells[8:]]))
 
 
+@pytest.mark.parametrize(
+    ("cell", "month"),
+    [
+        ("4. März 2025 12:00:00,25", 3),
+        ("04-Mär-2025 12:00:00.25", 3),  # MATLAB in Germany
+        ("Di, 4. Mrz. 2025 12:00:00,25", 3),
+        ("4 mars 2025 12:00:00.25", 3),
+        ("04-juin-2025 12:00:00.25", 6),
+        ("04-juil.-2025 12:00:00.25", 7),
+        ("04/août/2025 12:00:00.25", 8),
+        ("04-ene-2025 12:00:00,25", 1),
+        ("04-ott-2025 12:00:00,25", 10),
+        ("4 October 2025, 12:00:00.25", 10),
+        ("04Oct2025 12:00:00.25", 10),
+        ("2025-Dec-04 12:00:00.250000", 12),  # boost
+        ("04-DEZ-25 12:00:00,25", 12),
+    ],
+)
+def test_months_by_their_names(cell: str, month: int) -> None:
+    assert is_date(cell) and moment(cell) == datetime(2025, month, 4, 12, 0, 0, 250000)
+
+
 def test_what_is_a_date() -> None:
     assert all(map(is_date, ["1.2.2025", "1/2/25 3:04", "3-Mar-2025", "2025-01-02"]))
-    assert not any(map(is_date, ["1.2", "1.25", "12 13 2025", "3-Foo-2025", "1/2"]))
+    assert not any(map(is_date, ["1.2", "1.25", "12 13 2025", "3-Foo-2025", "1/2", "16 samples 2025"]))
     assert all(map(is_clock, ["1:02:03", "2:03 PM", "00:01.5", "123:00:00"]))
     assert not any(map(is_clock, ["14:03", "1.5", "#1:2", "a:b:c"]))
     for wrong in ("32.1.2025", "1.13.2025", "1.1.2025 13:00 PM", "1.1.2025 12:60"):

@@ -38,7 +38,20 @@ BLOCK = (
     '"BlockNumber",1\n"TraceName"," CH1"," CH2"\n"VUnit"," V"," mm"\n"SampleRate",5.0E+01,5.0E+01\n"HUnit"," s"," s"\n'
     '"Time"," 10:11:12"," 10:11:12"\n"HResolution",2.0E-02,2.0E-02\n"HOffset",0.0E+00,0.0E+00\n\n'
 )
+STAMPS = [f"23:59:{58 + k // 50}.{20 * k % 1000 + k % 3:03d}" for k in range(60)]  # late by up to 2 ms
 READ = {
+    "lines with the time at which they came": (
+        "23:59:57.999 -> t_ms,Cmd_V,Laser_mm\n" + table((f"{at} -> {20 * k}" for k, at in enumerate(STAMPS)), U, Y),
+        "Cmd",
+        "Laser",
+        {},
+    ),
+    "times of a meter": (
+        "Index,Reading,Unit,Value,Unit,Relative Time\n" + table(range(1, 61), Y, ["mm"] * 60, U, ["V"] * 60, T),
+        "Value",
+        "Reading",
+        {},
+    ),
     "units above the names": ("ms,V,mm\nTime,Cmd,Laser\n" + plain(20 * np.arange(60)), "Cmd", "Laser", {}),
     "units above some names": (
         "Units:,V,mm,\nTime (ms),Cmd,Laser,Flag\n" + table(20 * np.arange(60), U, Y, [1] * 60),

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -202,6 +203,14 @@ class TestTimes:
         assert (recording.start, recording.provenance["times"]) == (0.0, f"Unix times in {unit}")
         assert recording.provenance["clock_began"] == "2024-02-29T23:59:59+00:00"
         assert f"Unix times in {unit}, as their size says" in caplog.text
+
+    @pytest.mark.parametrize(("year", "zone"), [(1601, "+00:00"), (1, "")])
+    def test_ticks_of_100_ns(self, write, year: int, zone: str) -> None:
+        first = (datetime(2024, 2, 29, 23, 59, 59) - datetime(year, 1, 1)) // timedelta(microseconds=1) * 10
+        recording = read_recording(write("FileTime,u,y", *rows(lambda k: str(first + 200_000 * k))), **NAMED)
+        check(recording)
+        assert recording.provenance["clock_began"] == f"2024-02-29T23:59:59{zone}"
+        assert recording.provenance["times"] == f"ticks of 100 ns since the year {year}"
 
     def test_what_deatwin_writes_keeps_its_clock(self, write) -> None:
         path = write("time_s,u,y", *rows(lambda k: f"{1709251199 + k}.0"))

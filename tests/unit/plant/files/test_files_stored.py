@@ -16,28 +16,52 @@ ROWS = [f"{0.02 * k:.2f},{k % 3},{k}" for k in range(20)]
 TEXT = "\n".join([HEAD, *ROWS])
 
 
-def test_a_text_packed_by_gzip_is_read_as_it_is(tmp_path: Path) -> None:
+def pack(path: Path, **files: str) -> Path:
+    """Pack texts by the name of the file: one by gzip, or several as a zip archive."""
+    if path.suffix == ".gz":
+        path.write_bytes(gzip.compress("".join(files.values()).encode()))
+        return path
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, text in files.items():
+            packed.writestr(f"folder/{name.replace('_', '.')}", text)
+        packed.writestr("__MACOSX/folder/._r.csv", "what macOS adds")
+    return path
+
+
+@pytest.mark.parametrize("name", ["r.csv.gz", "r.csv.zip", "r.ZIP"])
+def test_a_packed_text_is_read_as_it_is(tmp_path: Path, name: str) -> None:
     (tmp_path / "plain.csv").write_text(TEXT, encoding="utf-8")
-    (tmp_path / "packed.csv.gz").write_bytes(gzip.compress(TEXT.encode()))
-    plain, packed = (read_recording(tmp_path / name) for name in ("plain.csv", "packed.csv.gz"))
+    plain, packed = map(read_recording, (tmp_path / "plain.csv", pack(tmp_path / name, r_csv=TEXT)))
     np.testing.assert_array_equal(plain.outputs, packed.outputs)
 
 
-def test_a_packed_text_that_is_too_large_is_refused(tmp_path: Path, monkeypatch) -> None:
-    path = tmp_path / "r.csv.gz"
+@pytest.mark.parametrize("name", ["r.csv.gz", "r.zip"])
+def test_a_packed_text_that_is_too_large_is_refused(tmp_path: Path, monkeypatch, name: str) -> None:
     monkeypatch.setattr(csvtable, "TEXT_BYTES", 100_000)
-    path.write_bytes(gzip.compress(TEXT.encode() + b"\n" * 1_000_000))
+    path = pack(tmp_path / name, r_csv=TEXT + "\n" * 1_000_000)
     with pytest.raises(DataError, match="it unpacks to more than 100 kB"):
         read_recording(path)
     assert safe_read.TEXT_BYTES > 100_000
 
 
-@pytest.mark.parametrize("name", ["r.zip", "r.mat.gz", "r.7z"])
+@pytest.mark.parametrize("name", ["r.mat.gz", "r.7z"])
 def test_what_is_packed_otherwise_has_to_be_unpacked(tmp_path: Path, name: str) -> None:
-    with zipfile.ZipFile(tmp_path / name, "w") as packed:
-        packed.writestr("r.csv", TEXT)
+    pack(tmp_path / name, r_csv=TEXT)
     with pytest.raises(DataError, match="it is packed; unpack it"):
         read_recording(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("files", "held"),
+    [
+        ({"a_csv": TEXT, "b_csv": TEXT}, "folder/a.csv, folder/b.csv;"),
+        ({"a_mat": ""}, "folder/a.mat;"),
+        ({}, "no file;"),
+    ],
+)
+def test_an_archive_of_other_files_has_to_be_unpacked(tmp_path: Path, files: dict[str, str], held: str) -> None:
+    with pytest.raises(DataError, match=rf"one text file .* holds {held} unpack it, and give the files inside it"):
+        read_recording(pack(tmp_path / "r.zip", **files))
 
 
 @pytest.mark.parametrize(

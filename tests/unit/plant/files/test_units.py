@@ -60,6 +60,12 @@ from deatwin.plant.files.units import UNITS, find_unit
         ("U_cmd / kV", "U_cmd", "kV"),
         ("t/s", "t", "s"),
         ("Zeit/s", "Zeit", "s"),
+        ("s/mm", "s", "mm"),  # a way, because seconds per millimetre are no quantity
+        ("F/mN", "F", "mN"),
+        ("h / µm", "h", "um"),
+        ("C/pF", "C", "pF"),
+        ("m/V", "m/V", ""),
+        ("K/W", "K/W", ""),
         ("Zeit / ms", "Zeit", "ms"),
         ("Temps/s", "Temps", "s"),
         ("mm/s", "mm/s", ""),

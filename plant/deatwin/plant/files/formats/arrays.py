@@ -12,7 +12,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.table import Declared, Table, Timing
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.times import TimeScale
-from deatwin.plant.files.units import UNITS, find_unit
+from deatwin.plant.files.units import find_unit
 from deatwin.plant.safe_read import COLUMNS, clipped
 
 WIDEST = 64  # Largest number of signals in a matrix or an array of structs; wider matrices are images and maps
@@ -103,7 +103,7 @@ class ArrayTable(Table):
             if not (finite := np.isfinite(numbers) | (np.isnan(numbers) & (column in missing))).all():
                 sample = int(np.argmin(finite))
                 raise DataError(
-                    f'{self.where(sample)}, column "{self.shown(column)}": {values[sample]} is not a finite number'
+                    f'{self.where(sample)}, column "{self.shown(column)}": {values[sample]} is not a finite number; put NaN in its place'
                 )
         found = np.array([self._si(column) for column in columns])
         if (large := np.abs(found) > np.array([[self.largest(column)] for column in columns])).any():
@@ -127,7 +127,7 @@ class ArrayTable(Table):
         values = self.columns[column]
         whole = values.dtype.kind in "iu"
         since = (values.astype(np.int64) - int(values[0])) if whole else values.astype(np.float64) - float(values[0])
-        seconds = UNITS[scale.unit].to_si(since.astype(np.float64))
+        seconds = scale.count.to_si(since.astype(np.float64))
         # As a float, a date is known only to 0.24 us.
         return seconds if whole else np.round(seconds, 6)
 
