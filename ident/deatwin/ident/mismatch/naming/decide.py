@@ -257,8 +257,8 @@ def with_distances(
 ) -> Naming:
     """Add, as alternatives, `possible` explanations that these inputs cannot distinguish from the best one.
 
-    Alternatives that are `refuted` by the best one are neither added nor kept. New distances d² are added to `known`,
-    because decisions come back to the same fits.
+    Alternatives that are `refuted` by the best one are not added, nor kept if the inputs distinguish them from it. New
+    distances d² are added to `known`, because decisions come back to the same fits.
     """
     # Explanations that are worse by more than the model error are not added, nor are those with a far smaller prior
     # probability: the gain of an amplifier hardly drifts by a tenth.
@@ -283,7 +283,8 @@ def with_distances(
         if close and d2 < DISTINGUISHED and is_possible(c, best) and c not in naming.alternatives
     ]
     distances = tuple(_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
-    kept = [c for c in naming.alternatives if not refuted(c, best)]
+    far = [c.effects for c, d2 in zip(others, found, strict=True) if d2 >= DISTINGUISHED]
+    kept = [c for c in naming.alternatives if c.effects not in far or not refuted(c, best)]
     return replace(naming, alternatives=(*kept, *near), distances=distances)
 
 

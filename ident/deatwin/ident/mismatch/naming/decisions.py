@@ -78,7 +78,7 @@ def on_everything(search: Search, naming: Naming) -> Iterator[Naming]:
     """Yield a decision with the alternatives that fits to all recordings restore, in each order of verification."""
     # Alternatives also include what the best candidate becomes at the limit of its range, and single effects whose law
     # error could do the work of a pair.
-    judged = judged_on_everything(naming, search.problem, partial(search.may_return, naming.best))
+    judged = judged_on_everything(naming, search.problem, partial(search.may_return, naming))
     shown = shown_first(search, judged)
     for answer in (judged,) if shown is judged else (shown, judged):
         yield with_doubt(search, with_limits(answer, search.is_possible))

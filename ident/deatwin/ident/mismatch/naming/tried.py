@@ -17,7 +17,7 @@ from deatwin.ident.mismatch.naming.refit_all_data import settled_on_everything
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, completed, refitted, run_trials, with_fitted, with_little
 from deatwin.ident.mismatch.naming.weigh import Scale
 from deatwin.ident.mismatch.problem import DiagnosisProblem
-from deatwin.ident.mismatch.thresholds import CLEARLY_LESS, STRONG
+from deatwin.ident.mismatch.thresholds import CLEARLY_LESS, DISTINGUISHED, STRONG
 from deatwin.plant.model import Plant
 from deatwin.plant.resolution import followed_plant
 
@@ -202,11 +202,14 @@ class Tried:
         """Return whether a candidate removes most of the mismatch, in a plant within its ranges."""
         return takes_most(candidate, self.tried[()]) and not held_back_by(candidate)
 
-    def may_return(self, best: Candidate | None, candidate: Candidate) -> bool:
-        """Return whether fits to all recordings may restore a candidate as an alternative to `best`."""
+    def may_return(self, naming: Naming, candidate: Candidate) -> bool:
+        """Return whether fits to all recordings may restore a candidate as an alternative to the best one."""
         # It may have failed where it was extrapolated, and then need not remove most of the mismatch there.
         fitted = takes_most(candidate.fitted_part, self.tried[()].fitted_part) and not held_back_by(candidate)
-        return (fitted or self.is_possible(candidate)) and not (best is not None and self.is_refuted(candidate, best))
+        far = {d.effects[1] for d in naming.distances if d.d2 >= DISTINGUISHED}
+        if naming.best is not None and "+".join(candidate.effects) in far and self.is_refuted(candidate, naming.best):
+            return False
+        return fitted or self.is_possible(candidate)
 
     def counts(self, candidate: Candidate) -> bool:
         """Return whether a candidate's effects explain most of the mismatch in a plant within its ranges."""

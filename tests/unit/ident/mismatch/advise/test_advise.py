@@ -18,6 +18,7 @@ from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.advise import distance, question
 from deatwin.ident.mismatch.advise.advise import SCREENED, _labels, _needed, advise
+from deatwin.ident.mismatch.advise.sensors import Prices
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
@@ -305,20 +306,19 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised(slow, monk
     problem, explained = slow
     # a fast input shows the delay, but a lag is itself whatever is said of it
     alternatives = list(explained.values())
-    asked, module = [], sys.modules[advise.__module__]
+    asked, among = [], Prices.among
 
-    def to_measure(market, explanations):
+    def priced(market, explanations):
         asked.append([market.question.fits[k].plant.effect_names for k in explanations])
-        return measured(market, explanations)
+        return among(market, explanations)
 
-    measured = module._to_measure
-    monkeypatch.setattr(module, "_to_measure", to_measure)
+    monkeypatch.setattr(Prices, "among", priced)
     found = advise(problem, alternatives, np.random.default_rng(0))
     assert found is not None
     assert found.recording is not None
     assert found.alternatives == ("delay", "electrode_rc", "sensor_lag")
     assert found.undecided == found.alternatives[1:]
-    assert asked == [[("electrode_rc",), ("sensor_lag",)]]  # on what the input decides nothing need be measured
+    assert asked[-1] == [("electrode_rc",), ("sensor_lag",)]  # on what the input decides nothing need be measured
     assert found.measure in ("the current", "the voltage on the film")  # which a lag of the reading leaves as it was
     # two of the three are confused by more than 2.3 %, and by chance at most; the third by no more than that
     told = distance.confusion(16.0)

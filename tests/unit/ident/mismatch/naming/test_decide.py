@@ -178,25 +178,28 @@ def test_what_differs_by_little_is_no_rival_where_it_is_told_apart_and_unlikely(
     assert (found.alternatives == (other,)) is kept
 
 
-def test_what_the_likelihood_refutes_is_no_alternative_however_near_or_likely_it_is(candidate, is_adequate, noise):
+@pytest.mark.parametrize(("d2", "kept"), [(9.0, True), (15.9, True), (16.1, False)])
+def test_the_likelihood_refutes_what_is_near_or_what_the_inputs_distinguish(candidate, is_adequate, noise, d2, kept):
     best, near, likely = candidate("creep", rms=2.1), candidate("mullins", rms=2.15), candidate("delay", rms=2.11)
     stage = (best, near, likely)
     decided = decide(stage, stage, noise, is_adequate, lambda c: True)
     assert decided.alternatives == (likely,)
+
+    def apart(best: object, other: object, *given: object) -> float:
+        return d2 if other is likely.calibration else 9.0
 
     def found(*refuted: Candidate) -> tuple[Candidate, ...]:
         def is_refuted(other: Candidate, by: Candidate) -> bool:
             assert by is best
             return other in refuted
 
-        naming = with_distances(decided, stage, PROBLEM, lambda c: True, lambda *given: 9.0, refuted=is_refuted)
+        naming = with_distances(decided, stage, PROBLEM, lambda c: True, apart, refuted=is_refuted)
         assert len(naming.distances) == 2
         return naming.alternatives
 
     assert found() == (likely, near)
     assert found(near) == (likely,)
-    assert found(likely) == (near,)
-    assert found(near, likely) == ()
+    assert found(likely) == ((likely, near) if kept else (near,))
 
 
 @pytest.mark.parametrize(("unlikely", "kept"), [(2.9, True), (3.1, False)])

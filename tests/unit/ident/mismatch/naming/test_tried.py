@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch.naming import tried
+from deatwin.ident.mismatch.naming.candidate import Distance
+from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.plant import Experiment, Plant, Recording, Stack
 
 
@@ -92,9 +94,14 @@ def test_what_fails_only_where_it_is_extrapolated_may_return(candidate, search_o
     strayed = candidate("dielectric_absorption", rms=fitted, unseen=unseen)
     search = search_over(base, best, strayed)
     assert search.is_possible(strayed) is (unseen < 3.0)
-    assert search.may_return(best, strayed) is returns
+    naming = Naming(candidates=(base, best, strayed), best=best, alternatives=(), probabilities={}, noise=2.0)
+    assert search.may_return(naming, strayed) is returns
     search.is_refuted = lambda candidate, by: candidate is strayed and by is best
-    assert not search.may_return(best, strayed)
+    near, far = (
+        replace(naming, distances=(Distance(effects=("creep", "dielectric_absorption"), d2=d2),)) for d2 in (15.9, 16.1)
+    )
+    assert search.may_return(near, strayed) is returns  # what the inputs cannot tell apart is not refuted
+    assert not search.may_return(far, strayed)
 
 
 @pytest.mark.parametrize(("odds", "rms", "refuted"), [(3.1, 2.2, True), (2.9, 2.2, False), (3.1, 2.05, False)])
