@@ -155,7 +155,7 @@ def plan_resampling(
         raise DataError(
             f"{where(row + 1)}: a gap from {timepts[row]:g} s to {timepts[row + 1]:g} s, while the usual interval is "
             f"{usual:g} s: a gap of more than {_GAP:g} usual intervals is not interpolated; split the recording there "
-            f"{at_gaps}",
+            + at_gaps,
             ReadOptions(allow_gaps=True),
         )
     factor = 1 if sample_time <= _FOLDED * usual else math.ceil(sample_time / usual * (1.0 - _SAME))

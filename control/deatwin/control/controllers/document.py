@@ -67,9 +67,9 @@ def controller_from_dict(data: Mapping[str, Any]) -> Controller:
                 return kind.from_details({name: data[name] for name in _COMMON}, data)
             except KeyError as error:
                 raise ControlError(f"the description of a controller lacks {error.args[0]}") from None
+            except DeatwinError:
+                raise
             except MALFORMED as error:
-                if isinstance(error, DeatwinError):
-                    raise
                 raise ControlError(f"malformed {kind.__name__}: {clipped(error, 200)}") from error
     known = ", ".join(kind.kind for kind in _KINDS)
     raise ControlError(f"a controller of the kind {data['kind']!r} is not known; there are {known}")

@@ -131,7 +131,7 @@ class Candidate:
 
     @property
     def fitted_part(self) -> Candidate:
-        """The same candidate without held-out data."""
+        """Return the same candidate without held-out data."""
         size = self.calibration.residuals.size
         return replace(
             self,

@@ -32,6 +32,33 @@ def bulb(p: Mapping[str, float], inputs: Mapping[str, np.ndarray], times: np.nda
     return p["gain"] * lagged(inputs["power"] ** 2, p["slow"], STEP)
 
 
+def heater(
+    model: Callable[..., np.ndarray], stated: Mapping[str, tuple[float, str, float, float]], sizes: Sizes
+) -> ForeignRig:
+    """A rig with such a model; each stated parameter has a value, a unit, and the ends of its range."""
+    return ForeignRig(
+        model=lambda p, inputs, times: model(p, inputs, times),  # no worker process has to begin
+        parameters=tuple(
+            Parameter(name=name, value=value, unit=unit, lower=lower, upper=upper, scale=Scale.LOGARITHMIC)
+            for name, (value, unit, lower, upper) in stated.items()
+        ),
+        input_name="power",
+        input_unit="W",
+        output_name="warmth",
+        output_unit="K",
+        sample_time=STEP,
+        noise=NOISE,
+        sizes=sizes,
+    )
+
+
+def recorded(power: np.ndarray, readings: np.ndarray, rng: np.random.Generator) -> list[Part]:
+    """The readings with noise, as the whole of one experiment."""
+    noisy = readings + NOISE * rng.standard_normal(power.size)
+    record = Recording.from_arrays(power, noisy, STEP, input_units=["W"], output_units=["K"])
+    return [Part.whole(Experiment(recordings=(record,)))]
+
+
 def fitted(model: Callable[..., np.ndarray], first: float, second: float) -> tuple[Calibration, list[Part]]:
     """A fit that begins and ends with the time constants of drive and plant as they are."""
     rng = np.random.default_rng(4)
@@ -41,25 +68,13 @@ def fitted(model: Callable[..., np.ndarray], first: float, second: float) -> tup
         *((0.25, 1) if model is plate else (1e-3, 2)),
     )
     readings = gain * lagged(drive**exponent, second, STEP / FINE)[FINE - 1 :: FINE]
-    log = Scale.LOGARITHMIC
-    rig = ForeignRig(
-        model=lambda p, inputs, times: model(p, inputs, times),  # no worker process has to begin
-        parameters=(
-            Parameter(name="gain", value=gain, unit="1", lower=1e-5, upper=10.0, scale=log),
-            Parameter(name="slow", value=second, unit="s", lower=5.0, upper=2000.0, scale=log),
-        ),
-        input_name="power",
-        input_unit="W",
-        output_name="warmth",
-        output_unit="K",
-        sample_time=STEP,
-        noise=NOISE,
-        sizes=Sizes(command=200.0, command_unit="W", motion=60.0, motion_unit="K", period=300.0),
+    rig = heater(
+        model,
+        {"gain": (gain, "1", 1e-5, 10.0), "slow": (second, "s", 5.0, 2000.0)},
+        Sizes(command=200.0, command_unit="W", motion=60.0, motion_unit="K", period=300.0),
     )
     plant = Plant(rig=rig, effects=(rig.sizes.of(SensorLag()).placed("command"),)).with_values({LAG: first})
-    readings = readings + NOISE * rng.standard_normal(power.size)
-    record = Recording.from_arrays(power, readings, STEP, input_units=["W"], output_units=["K"])
-    parts = [Part.whole(Experiment(recordings=(record,)))]
+    parts = recorded(power, readings, rng)
     return calibrate(plant, parts, starts=1), parts
 
 
@@ -90,24 +105,12 @@ def ends_elsewhere() -> tuple[Calibration, Plant, list[Part]]:
     """A fit at a gain of four, whose nominal value is two; the true product is 6."""
     rng = np.random.default_rng(5)
     power = rng.uniform(0.0, 1.0, 400)
-    log = Scale.LOGARITHMIC
-    rig = ForeignRig(
-        model=lambda p, inputs, times: rough(p, inputs, times),
-        parameters=(
-            Parameter(name="gain", value=2.0, unit="1", lower=0.1, upper=50.0, scale=log),
-            Parameter(name="load", value=3.0, unit="1", lower=0.1, upper=50.0, scale=log),
-        ),
-        input_name="power",
-        input_unit="W",
-        output_name="warmth",
-        output_unit="K",
-        sample_time=STEP,
-        noise=NOISE,
-        sizes=Sizes(command=1.0, command_unit="W", motion=6.0, motion_unit="K", period=300.0),
+    rig = heater(
+        rough,
+        {"gain": (2.0, "1", 0.1, 50.0), "load": (3.0, "1", 0.1, 50.0)},
+        Sizes(command=1.0, command_unit="W", motion=6.0, motion_unit="K", period=300.0),
     )
-    readings = 6.0 * power + NOISE * rng.standard_normal(power.size)
-    record = Recording.from_arrays(power, readings, STEP, input_units=["W"], output_units=["K"])
-    parts, nominal = [Part.whole(Experiment(recordings=(record,)))], Plant(rig=rig)
+    parts, nominal = recorded(power, 6.0 * power, rng), Plant(rig=rig)
     return calibrate(nominal.with_values({"gain": 4.0, "load": 1.5}), parts, starts=1), nominal, parts
 
 
@@ -123,7 +126,7 @@ def test_a_direction_that_the_readings_leave_open_has_the_variance_of_the_nomina
 
 
 def test_a_fit_that_is_better_by_more_than_the_error_stays_or_wins():
-    """Nominal values far from the truth: a start there ends where the product is right, or nowhere better."""
+    """A start at the nominal values that ends lower by more than the error wins; a second one finds nothing else."""
     fit, nominal, parts = ends_elsewhere()
     worse = replace(fit, residuals=fit.residuals + 0.5 * NOISE)
     found = with_nominal_start(worse, nominal, parts, error=0.05 * NOISE)
