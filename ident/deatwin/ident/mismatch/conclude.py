@@ -15,7 +15,7 @@ from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
 from deatwin.ident.mismatch.model_error import differences, with_model_error
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.criteria import held_back_by, suffices, takes_most
+from deatwin.ident.mismatch.naming.criteria import acts, explained, held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import Naming, is_possible, normalised
 from deatwin.ident.mismatch.naming.places import causes_of, missing_effects, timing_error
@@ -98,6 +98,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *_widened(findings.final.plant),
             *exchanged_lags(findings.final),
             *_held_back(findings),
+            *_nearest(findings),
             *_alike_but_unlikely(findings),
             *_hardly_shown(findings),
             *_doubtful_values(findings),
@@ -129,6 +130,22 @@ def _held_back(findings: Findings) -> Iterator[str]:
         yield (
             f"{_in_words(candidate)} would explain the recordings, but only with "
             f"{', '.join(held_back_by(candidate))} outside the allowed range"
+        )
+
+
+def _nearest(findings: Findings) -> Iterator[str]:
+    """If nothing explains the recordings, name the single effect that removes most of the mismatch, if any does."""
+    naming = findings.naming
+    if findings.verdict is not Verdict.UNKNOWN or naming.best is not None:
+        return
+    alone = [c for c in naming.candidates if len(c.effects) == 1 and takes_most(c, naming.base)]
+    able = [c for c in alone if acts(c, naming.base) and not held_back_by(c) and not suffices(c, naming.base)]
+    if able:
+        nearest = max(able, key=lambda c: c.evidence)
+        share = round(100 * max(explained(nearest, naming.base), 0.0))
+        yield (
+            f"of the effects in the catalogue, {_in_words(nearest)} comes closest, but it removes only {share} % of the "
+            "mismatch's power, so other physics acts beside or instead of it"
         )
 
 

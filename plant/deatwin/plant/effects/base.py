@@ -168,6 +168,13 @@ class Effect(ABC):
         """
         return ()
 
+    def broadened(self) -> Effect | None:
+        """Return the effect of the same name with a more general law and further parameters; None if none is known.
+
+        A diagnosis tries it if the effect explains most of a mismatch, but not all of it.
+        """
+        return None
+
     def cycle(self, measured: Collection[str]) -> float:
         """Return the period of a periodic effect in s; 0 without one, or if a channel in `measured` shows the cycle."""
         return 0.0

@@ -10,7 +10,7 @@ from made_rigs import Bare
 from needs import COMPILED
 
 from deatwin.ident.greybox import FitStatus
-from deatwin.ident.mismatch import Candidate, Naming, Verdict, diagnose
+from deatwin.ident.mismatch import Candidate, Naming, Verdict, conclude, diagnose
 from deatwin.ident.mismatch.located import Band, LocationSummary, PlaceSummary, Window
 from deatwin.ident.mismatch.partly import explains_all, led_by_what_acts, unexplained
 from deatwin.plant import (
@@ -58,6 +58,20 @@ def test_one_that_takes_nearly_all_and_leads_stands():
     """Of 894 beyond noise and model error it leaves 30.6, the next one 94.6: 96.6 and 89.4 %."""
     assert found(candidate("friction", rms=6.0), candidate("lag", rms=10.0)) == ("friction",)
     assert found(candidate("lag", rms=10.0)) is None
+
+
+@pytest.mark.parametrize(
+    ("verdict", "held", "said"),
+    [(Verdict.UNKNOWN, (), True), (Verdict.UNKNOWN, ("damping",), False), (Verdict.NAMED, (), False)],
+)
+def test_what_comes_closest_but_does_not_stand_is_said(monkeypatch, verdict, held, said):
+    monkeypatch.setattr(conclude, "held_back_by", lambda c: held)
+    monkeypatch.setattr(conclude, "_in_words", lambda c: c.effects[0])
+    tried = (candidate(rms=30.0), candidate("lag", rms=10.0, unseen=12.0), candidate("drag", rms=28.0))
+    naming = Naming(candidates=tried, best=None, alternatives=(), probabilities={}, noise=NOISE)
+    notes = list(conclude._nearest(SimpleNamespace(verdict=verdict, naming=naming)))
+    # Of 894.6 beyond noise and model error, 138.6 remain in the held-out data.
+    assert [("lag comes closest" in note, "only 85 %" in note) for note in notes] == [(True, True)] * said
 
 
 @pytest.mark.parametrize(("rms", "unseen", "does"), [(6.0, 11.0, 30.0), (11.0, 6.0, 30.0), (6.0, 6.0, 10.0)])

@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from deatwin.plant import Coupon, Creep, Experiment, Plant, Recording
+from deatwin.plant.effects.creep import CreepSpectrum
 
 RIG = Coupon()
 AREA = RIG.width * RIG.thickness
@@ -29,19 +30,34 @@ def test_the_strip_alone_has_the_force_of_the_closed_form(experiment):
     np.testing.assert_allclose(force, gent_force(pull()), rtol=1e-12, atol=1e-14)
 
 
-def test_a_branch_relaxes_as_its_equation_says(experiment):
-    plant = Plant(rig=RIG).with_effects(Creep(modulus=40e3, time=5.0))
-    force = plant.simulate(experiment(np.full(1000, 2.0))).require().outputs[0][0]
+@pytest.mark.parametrize(
+    ("effect", "times"),
+    [
+        (Creep(modulus=40e3, time=5.0), (5.0,)),
+        (CreepSpectrum(modulus=40e3, time=5.0, decades=2.0), (0.5, 5.0, 50.0)),
+    ],
+)
+def test_branches_relax_as_their_equation_says(experiment, effect, times):
+    force = Plant(rig=RIG).with_effects(effect).simulate(experiment(np.full(1000, 2.0))).require().outputs[0][0]
 
-    def rate(_, log_xi):  # tau d(ln xi)/dt = -(1/3) d/d(ln xi) of (le² + 2/le - 3)/2, le = 2/xi
-        elastic = 2.0 / np.exp(log_xi)
-        return (elastic**2 - 1 / elastic) / 3 / 5.0
+    def branch(time):  # tau d(ln xi)/dt = -(1/3) d/d(ln xi) of (le² + 2/le - 3)/2, le = 2/xi
+        def rate(_, log_xi):
+            elastic = 2.0 / np.exp(log_xi)
+            return (elastic**2 - 1 / elastic) / 3 / time
 
-    times = 0.02 * np.arange(1, 1001)
-    xi = np.exp(solve_ivp(rate, (0, 20), [0.0], t_eval=times, rtol=1e-10, atol=1e-12).y[0])
-    branch = AREA * 40e3 * (2.0 / xi**2 - xi / 2.0**2)
-    np.testing.assert_allclose(force, gent_force(2.0) + branch, rtol=1e-7)
+        clock = 0.02 * np.arange(1, 1001)
+        xi = np.exp(solve_ivp(rate, (0, 20), [0.0], method="Radau", t_eval=clock, rtol=1e-10, atol=1e-12).y[0])
+        return AREA * 40e3 / len(times) * (2.0 / xi**2 - xi / 2.0**2)
+
+    np.testing.assert_allclose(force, gent_force(2.0) + sum(map(branch, times)), rtol=1e-7)
     assert np.all(np.diff(force) < 0)
+
+
+def test_a_saved_plant_keeps_the_spectrum_of_its_creep():
+    plant = Plant(rig=RIG).with_effects(CreepSpectrum(modulus=30e3, time=8.0, decades=1.5))
+    again = Plant.from_dict(plant.to_dict())
+    assert isinstance(again.effects[0], CreepSpectrum)
+    assert again.to_dict() == plant.to_dict()
 
 
 def test_each_pull_starts_from_rest():

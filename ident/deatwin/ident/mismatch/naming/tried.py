@@ -312,6 +312,17 @@ class Tried:
         """Fit plants from their present values; keep each fit that leaves less than the known one."""
         self._know(refitted(self.problem, plants, self.noise, self.fitted))
 
+    def broaden(self, stage: Sequence[Names]) -> None:
+        """Refit the sets of a `stage` that remove most of the mismatch, with more general laws of their effects.
+
+        The more general law is kept where it has more evidence.
+        """
+        plants = [self.tried[names].calibration.plant for names in stage if self.takes_most(names)]
+        wider = [replace(plant, effects=tuple(e.broadened() or e for e in plant.effects)) for plant in plants]
+        new = [wide for wide, plant in zip(wider, plants, strict=True) if wide.effects != plant.effects]
+        found = refitted(self.problem, new, self.noise, self.fitted)
+        self._know([c for c in found if c.evidence > self.tried[c.effects].evidence])
+
     def no_worse(self, several: Sequence[Names]) -> None:
         """Refit sets that leave more than one of their subsets, from the values of the best subset."""
         # A subset is a special case, so the fit of the set, which began elsewhere, has missed its minimum.
