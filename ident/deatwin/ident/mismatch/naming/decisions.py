@@ -51,7 +51,9 @@ def of_two(search: Search) -> Naming:
 
 def nearly(search: Search) -> Naming:
     """Decide among the smallest sets that are adequate within the uncertainty of the model error, or barely."""
-    alone = _sufficing(search, [names for names in search.tried if len(names) == 1])
+    singles = [names for names in search.tried if len(names) == 1]
+    search.broaden(singles)
+    alone = _sufficing(search, singles)
     if alone.best is not None:
         return alone
 

@@ -106,9 +106,6 @@ def explanations(
         stage = search.beside((), lambda share: tell(0, 1.0))  # a share that is told does not fall
     search.judge_by_the_best(stage)
     naming = decided(search, stage)
-    if naming.best is None:
-        search.broaden(stage)
-        naming = decided(search, stage)
     own = taken = search, stage, naming
     misread = [alternative for alternative in alternatives if search.may_be_misread(stage, naming, alternative)]
     if misread:
