@@ -54,6 +54,8 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     if found.best is not None:
         return found
     if not alone:
+        if (most := search.best_of([pair.effects for pair in _pairs(search)])) is not None:
+            search.fit_fewer(most)  # an effect acts for certain only if the pair is far likelier than the other alone
         return replace(naming, candidates=tuple(search.tried.values()), noise=search.noise)
     likelier = [search.tried[names] for names, value in odds.items() if value > 0.0]
     possible = sorted((pair for pair in likelier if search.is_possible(pair)), key=lambda pair: -scale.weight(pair))
