@@ -48,6 +48,7 @@ class Tried:
         self.tried: dict[Names, Candidate] = {(): base}
         self.lost: list[str] = []
         self._distances: Distances = {}
+        self._broadened: dict[Names, Calibration] = {}
         self._scale: tuple[tuple[float, int], Scale] | None = None
         self.unscreened: list[str] = []
 
@@ -297,10 +298,13 @@ class Tried:
 
     def fit_fewer(self, full: Names) -> list[Names]:
         """Fit `full` without each of its effects in turn, from its values; return the sets that could be fitted."""
-        # An earlier fit of such a set may have been given up or left rough, far from its minimum.
+        # An earlier fit of such a set may have been given up or left rough, far from its minimum. And the effect that
+        # is left out may merely have corrected the law of another one.
         fewer = each_without_one(full)
         self.fit_from(full, fewer)
-        return [rest for rest in fewer if rest in self.tried]
+        fewer = [rest for rest in fewer if rest in self.tried]
+        self.broaden(fewer)
+        return fewer
 
     def fit_from(self, full: Names, several: Sequence[Names]) -> None:
         """Fit `several` subsets of the set `full` from its values."""
@@ -317,9 +321,11 @@ class Tried:
 
         The more general law is kept where it has more evidence.
         """
-        plants = [self.tried[names].calibration.plant for names in stage if self.takes_most(names)]
-        wider = [replace(plant, effects=tuple(e.broadened() or e for e in plant.effects)) for plant in plants]
-        new = [wide for wide, plant in zip(wider, plants, strict=True) if wide.effects != plant.effects]
+        fits = {names: self.tried[names].calibration for names in stage if self.takes_most(names)}
+        plants = [fit.plant for names, fit in fits.items() if self._broadened.get(names) is not fit]
+        self._broadened |= fits
+        wider = [(plant, tuple(effect.broadened() or effect for effect in plant.effects)) for plant in plants]
+        new = [replace(plant, effects=effects) for plant, effects in wider if effects != tuple(plant.effects)]
         found = refitted(self.problem, new, self.noise, self.fitted)
         self._know([c for c in found if c.evidence > self.tried[c.effects].evidence])
 
