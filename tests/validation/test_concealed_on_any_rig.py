@@ -18,9 +18,10 @@ from machines import MACHINES, Hidden, drawn_log, machine_record
 from scipy.integrate import solve_ivp
 from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import brentq
+from scipy.signal import butter, sosfiltfilt
 
-from deatwin.ident.mismatch import Diagnosis, diagnose
-from deatwin.plant import Cone, Disc, Experiment, Plant, Pressure, Recording
+from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
+from deatwin.plant import Cone, Coupon, Disc, Experiment, Plant, Pressure, Recording
 from deatwin.plant.laws import VACUUM_PERMITTIVITY
 
 PIECES, HEIGHTS, SQUARES = 60, 28, 9
@@ -268,3 +269,32 @@ def test_nothing_is_named_wrongly(number):
 def test_nothing_is_named_where_nothing_is_concealed(number):
     _, found = cases(SEED)[1][number].diagnosed()
     assert not found.causes, found.sentence
+
+
+def test_a_strip_that_creeps_in_proportion_to_the_logarithm_of_time_lacks_creep_alone():
+    """Thirteen branches over four decades, each solved by SciPy; with one relaxation time, a drift would be named too."""
+    rng, step, strip, (modulus, limit) = np.random.default_rng(5), 0.1, Coupon(), (25e3, 107.0)
+    clock = step * np.arange(1, 1501)
+    turns = [0, 1, 40, 41, 70, 71, 100, 101, 130, 131, 150], [1, 1.8, 1.8, 1.2, 1.2, 2.2, 2.2, 1.5, 1.5, 1.1, 1.1]
+    held = np.interp(clock, *turns)
+    slow = sosfiltfilt(butter(2, 0.8, fs=1 / step, output="sos"), rng.normal(size=clock.size))
+    stretch = np.clip(held + 0.075 * slow / slow.std(), 1.0, 3.0)
+    extension = stretch**2 + 2 / stretch - 3
+    stress = modulus * (stretch - stretch**-2) * limit / (limit - extension)
+    for time in np.geomspace(0.1, 1000.0, 13):
+
+        def flow(
+            at: float, log_xi: Any, time: float = time
+        ) -> Any:  # tau d(ln xi)/dt = (le² - 1/le)/3, le = stretch/xi
+            elastic = np.interp(at, np.r_[0.0, clock], np.r_[1.0, stretch]) / np.exp(log_xi)
+            return (elastic**2 - 1 / elastic) / 3 / time
+
+        log_xi = solve_ivp(flow, (0.0, clock[-1]), [0.0], method="Radau", t_eval=clock, max_step=1.0, rtol=1e-7).y[0]
+        elastic = stretch / np.exp(log_xi)
+        stress += 60e3 / 13 * (elastic**2 - 1 / elastic) / stretch
+    force = strip.width * strip.thickness * stress
+    noise = 0.01 * force.std()
+    record = Recording.from_arrays(stretch, force + noise * rng.normal(size=force.size), step)
+    found = diagnose(Plant(rig=Coupon(sample_time=step, noise=noise)), Experiment(recordings=(record,)), jobs=1)
+    assert (found.verdict, [cause.effect for cause in found.causes]) == (Verdict.NAMED, ["creep"])
+    assert found.causes[0].parameters["decades"].low > 1.0

@@ -11,7 +11,6 @@ from warnings import warn
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.effects.backlash import Backlash
 from deatwin.plant.effects.base import Effect
-from deatwin.plant.effects.creep import CreepSpectrum
 from deatwin.plant.effects.dead_zone import DeadZone
 from deatwin.plant.effects.dry_friction import DryFriction
 from deatwin.plant.effects.free_form import FreeForm
@@ -113,4 +112,5 @@ def effect_from(entry: str | Mapping[str, Any]) -> Effect:
     """Return the effect of a model file's entry."""
     if isinstance(entry, str):
         return effect_named(entry)
-    return CreepSpectrum() if entry == CreepSpectrum().entry else FreeForm.from_entry(entry)
+    wide = effect_named(entry["name"]).broadened() if entry.get("law") == "spectrum" else None
+    return wide or FreeForm.from_entry(entry)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
+from deatwin.plant.effects.spectrum import Spectrum
 from deatwin.plant.film import Film
 from deatwin.plant.parameters import Scale
 
@@ -59,46 +60,19 @@ class Creep(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CreepSpectrum(Creep):
-    r"""Creep whose relaxation times are spread evenly over several decades, as those of most elastomers are.
+class CreepSpectrum(Spectrum, Creep):
+    r"""Creep with a spectrum of relaxation times, as most elastomers have it.
 
     .. math:: W \to W + \frac{\mu_c}{3} \sum_{k=-1}^{1} e(\lambda/\xi_k), \qquad \tau_k = \tau_c\, 10^{k d/2}
 
-    Each of the three branches obeys the law of `Creep`. Three equal branches stand for a spectrum that is constant
-    over the logarithm of time (a box distribution), under which a film creeps in proportion to the logarithm of time.
-
-    Parameters
-    ----------
-    modulus : float
-        :math:`\mu_c`, the sum of the shear moduli of all branches, Pa.
-    time : float
-        :math:`\tau_c`, the relaxation time at the centre of the spectrum, s.
-    decades : float
-        d, the common logarithm of the ratio of the longest relaxation time to the shortest.
-
-    References
-    ----------
-    Tobolsky, Properties and Structure of Polymers (1960), chapter 3 (box distribution); Ferry, Viscoelastic Properties
-    of Polymers (3rd ed., 1980), chapter 3 (spectra).
+    `time` is the centre of the spectrum, and d is `decades`. Each branch obeys the law of `Creep`.
     """
 
     time: float = field(default=60.0, metadata=ranged("s", 0.05, 2000.0, scale=Scale.LOGARITHMIC))
-    decades: float = field(default=2.0, metadata=ranged("1", 0.0, 5.0))
 
-    law: ClassVar[str] = "spectrum"
     wording: ClassVar[str] = "The film keeps creeping with relaxation times over {decades} decades around {time}"
 
     def rewrite(self, signal: Film, build: Builder) -> Film:
-        modulus, time, decades = (self.own(name, build) for name in ("modulus", "time", "decades"))
-        # If the history before an experiment is unknown, the slowest branch, with the effect's own name, starts anywhere.
-        for branch, power in ((f"{self.name}_fast", -0.5), (f"{self.name}_middle", 0.0), (self.name, 0.5)):
-            signal = signal.with_branch(branch, modulus / 3, time * 10 ** (power * decades), build)
+        for branch, time in self.branches(build):
+            signal = signal.with_branch(branch, self.own("modulus", build) / 3, time, build)
         return signal
-
-    def broadened(self) -> None:
-        """Return nothing: a wider law is not known."""
-
-    @property
-    def entry(self) -> dict[str, Any]:
-        """Entry of a model file that identifies the equations, without parameter values."""
-        return {"name": self.name, "law": self.law}

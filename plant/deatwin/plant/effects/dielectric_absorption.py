@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
+from operator import sub
 from typing import Any, ClassVar
 
 from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
+from deatwin.plant.effects.spectrum import Spectrum
 from deatwin.plant.parameters import Scale
 
 
@@ -55,7 +58,38 @@ class DielectricAbsorption(Effect):
         adapted = build.state("adapted_voltage", scale=1e3)
         build.rate(adapted, voltage - adapted, mass=self.own("time", build))
         build.displace(self.name, adapted, lambda excess: adapted - excess)
-        share = self.own("share", build)
-        build.share("polarising_voltage", voltage - share * (voltage - adapted))
+        return self._without(voltage - adapted, signal, build)
+
+    def _without(self, lagging: Any, signal: Any, build: Builder) -> Any:
+        """Return the squared voltage without the polarisation that lags behind by a voltage."""
+        voltage, share = build.signal("field_voltage"), self.own("share", build)
+        build.share("polarising_voltage", voltage - share * lagging)
         build.share("instant_share", 1 - share)
-        return signal - share * voltage * (voltage - adapted)
+        return signal - share * voltage * lagging
+
+    def broadened(self) -> AbsorptionSpectrum:
+        """Return absorption with a spectrum of relaxation times."""
+        return AbsorptionSpectrum()
+
+
+@dataclass(frozen=True, kw_only=True)
+class AbsorptionSpectrum(Spectrum, DielectricAbsorption):
+    """Absorption with a spectrum of relaxation times around `time`, as most polymers have it.
+
+    A third of the slow dipoles has each of the times. Their current decays as a power of the time (Curie and von
+    Schweidler).
+    """
+
+    wording: ClassVar[str] = (
+        "A share of {share} of the polarisation lags with time constants over {decades} decades around {time}"
+    )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        voltage = build.signal("field_voltage")
+        lagging = 0.0
+        for branch, time in self.branches(build):
+            adapted = build.state(f"{branch}_voltage", scale=1e3)
+            build.rate(adapted, voltage - adapted, mass=time)
+            build.displace(branch, adapted, partial(sub, adapted))
+            lagging += (voltage - adapted) / 3
+        return self._without(lagging, signal, build)

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
+from deatwin.plant.effects.spectrum import Spectrum
 from deatwin.plant.parameters import Scale
 
 STARTS = 5
@@ -78,3 +79,24 @@ class Relaxation(Effect):
         # stiffness.
         times = np.geomspace(2 * np.median(steps), max(np.ptp(timepts) / 3, 2 * np.median(steps)), STARTS)
         return tuple(replace(self, time=float(t)) for t in np.unique(np.clip(times, known.lower, known.upper)))
+
+    def broadened(self) -> RelaxationSpectrum:
+        """Return relaxation with a spectrum of relaxation times."""
+        return RelaxationSpectrum()
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelaxationSpectrum(Spectrum, Relaxation):
+    """Relaxation with a spectrum of relaxation times around `time`; a third of the stiffness has each of the times."""
+
+    wording: ClassVar[str] = (
+        "The force on the ball relaxes by {stiffness} with time constants over {decades} decades around {time}"
+    )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        displacement = build.signal("displacement")
+        for branch, time in self.branches(build):
+            damper = build.state(f"{branch}_displacement", scale=1e-3, start=displacement)
+            build.rate(damper, displacement - damper, mass=time)
+            signal -= self.own("stiffness", build) / 3 * (displacement - damper)
+        return signal

@@ -164,6 +164,10 @@ class _Similar(Effect):
         view: Any = _View(build, self)
         return ratio * self.original.rewrite(self, signal / ratio, view)
 
+    def broadened(self) -> Effect | None:
+        wide = self.original().broadened()
+        return wide and self.sizes.of(wide)
+
     def placed(self, at: str) -> Effect:
         here = self.original()
         there = here.placed(at)

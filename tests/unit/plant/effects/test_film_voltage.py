@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from deatwin.plant.effects.charge_injection import ChargeInjection
-from deatwin.plant.effects.dielectric_absorption import DielectricAbsorption
+from deatwin.plant.effects.dielectric_absorption import AbsorptionSpectrum, DielectricAbsorption
 from deatwin.plant.effects.electrode_rc import ElectrodeRC
 from deatwin.plant.effects.leakage import Leakage
 from deatwin.plant.excitation import band_limited_noise
@@ -119,14 +119,21 @@ def test_injected_charge_takes_off_the_field(chain):
     assert abs(left) > 0.04 * 1600
 
 
-def test_slow_dipoles_give_their_share_in_time(chain):
-    effect = DielectricAbsorption(share=0.1, time=2.0)
-    voltage, adapted = GAIN * REVERSAL, first_order(REVERSAL, 2.0)
+@pytest.mark.parametrize(
+    ("effect", "times"),
+    [
+        (DielectricAbsorption(share=0.1, time=2.0), (2.0,)),
+        (AbsorptionSpectrum(share=0.1, time=2.0, decades=2.0), (0.2, 2.0, 20.0)),
+    ],
+)
+def test_slow_dipoles_give_their_share_in_time(chain, effect, times):
+    voltage, adapted = GAIN * REVERSAL, np.mean([first_order(REVERSAL, time) for time in times], axis=0)
     force = chain(REVERSAL, effect)["squared_voltage"]
     np.testing.assert_allclose(force, 0.9 * voltage**2 + 0.1 * voltage * adapted, rtol=1e-9, atol=1e-6)
-    assert force[0] / 1600**2 == pytest.approx(0.9, abs=0.1 * SAMPLE / 2.0 * 1.01)  # at once,
-    assert force[299] / 1600**2 == pytest.approx(1.0, abs=0.1 * np.exp(-3.0) * 1.01)  # in time,
-    assert force[300] / 1600**2 == pytest.approx(1 - 2 * 0.1, abs=0.02)  # at a reversal,
+    left, rate = np.mean(np.exp(-300 * SAMPLE / np.array(times))), np.mean(1 / np.array(times))
+    assert force[0] / 1600**2 == pytest.approx(0.9, abs=0.1 * SAMPLE * rate * 1.01)  # at once,
+    assert force[299] / 1600**2 == pytest.approx(1.0 - 0.1 * left, rel=1e-9)  # in time,
+    assert force[300] / 1600**2 == pytest.approx(1 - 0.1 * (2 - left), abs=0.2 * SAMPLE * rate)  # at a reversal,
     np.testing.assert_allclose(force[500:], 0.0, atol=1e-6)  # and nothing without a field
 
 

@@ -20,8 +20,10 @@ from deatwin.plant import (
     Effect,
     Plant,
     Rig,
+    Sizes,
     effect_named,
 )
+from deatwin.plant.effects.relaxation import Relaxation, RelaxationSpectrum
 
 STEP = 0.02
 RNG = np.random.default_rng(4)
@@ -72,25 +74,36 @@ def test_slopes_are_those_of_differences(effect: Effect) -> None:
 # Laws ----------------------------------------------------------------------------------------------------------------
 
 
-def test_relaxation_is_the_standard_linear_solid() -> None:
-    mass, damping, stiffness, branch, time = 0.03, 0.05, 30.0, 12.0, 0.3
-    a = np.array(
-        [
-            [0.0, 1.0, 0.0, 0.0],
-            [-(stiffness + branch) / mass, -damping / mass, branch / mass, 6e-3 / mass],
-            [1 / time, 0.0, -1 / time, 0.0],
-            [0.0, 0.0, 0.0, 0.0],
-        ]
-    )
-    step, state, exact = expm(a * STEP), np.zeros(4), []
+@pytest.mark.parametrize(
+    ("relaxing", "times"),
+    [
+        (Relaxation(stiffness=12.0, time=0.3), (0.3,)),
+        (RelaxationSpectrum(stiffness=12.0, time=0.3, decades=2.0), (0.03, 0.3, 3.0)),
+    ],
+)
+def test_relaxation_is_the_generalised_maxwell_solid(relaxing: Effect, times: tuple[float, ...]) -> None:
+    mass, damping, stiffness, count = 0.03, 0.05, 30.0, len(times)
+    a = np.zeros((3 + count, 3 + count))  # displacement, velocity, command, dampers
+    a[0, 1] = 1.0
+    a[1, :3] = [-(stiffness + 12.0) / mass, -damping / mass, 6e-3 / mass]
+    a[1, 3:] = 12.0 / count / mass
+    for row, time in enumerate(times, start=3):
+        a[row, 0], a[row, row] = 1 / time, -1 / time
+    step, state, exact = expm(a * STEP), np.zeros(3 + count), []
     for command in COMMANDS:
-        state[3] = command
+        state[2] = command
         state = step @ state
         exact.append(state[0])
-    relaxing = replace(effect_named("relaxation"), stiffness=branch, time=time)  # type: ignore[call-arg]
-    np.testing.assert_allclose(
-        simulation(relaxing, mass=mass).outputs[0][0], exact, rtol=0, atol=1e-8 * np.abs(exact).max()
-    )
+    found = simulation(relaxing, mass=mass).outputs[0][0]
+    np.testing.assert_allclose(found, exact, rtol=0, atol=1e-8 * np.abs(exact).max())
+
+
+def test_a_spectrum_has_the_sizes_of_the_rig() -> None:
+    slow = Sizes(motion=3e-3, force=9e-3, period=0.6)  # ten times the diaphragm's motion and period
+    wide = slow.of(Relaxation()).broadened()
+    assert isinstance(wide, RelaxationSpectrum)
+    assert (wide.described("time").upper, wide.described("stiffness").upper) == pytest.approx((600e3, 300.0))
+    assert wide.described("decades").upper == 5.0
 
 
 def test_relaxation_starts_between_the_sample_and_the_record() -> None:

@@ -326,7 +326,7 @@ class Tried:
         self._broadened |= fits
         wider = [(plant, tuple(effect.broadened() or effect for effect in plant.effects)) for plant in plants]
         new = [replace(plant, effects=effects) for plant, effects in wider if effects != tuple(plant.effects)]
-        found = refitted(self.problem, new, self.noise, self.fitted)
+        found = refitted(self.problem, new, self.noise, self.fitted) if new else []
         self._know([c for c in found if c.evidence > self.tried[c.effects].evidence])
 
     def no_worse(self, several: Sequence[Names]) -> None:
