@@ -110,19 +110,22 @@ def setting(tmp_path: Path) -> Setting:
 
 
 @pytest.fixture
-def mistaken() -> Iterator[Callable[..., Any]]:
+def heard() -> Iterator[None]:
+    """Ctrl-C is heard, also in a shell's background, where it is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def mistaken(heard: None) -> Iterator[Callable[..., Any]]:
     """What CasADi makes of Ctrl-C, as a function: the interrupt is gone, and an error comes in its place."""
     from deatwin.studies.interrupts import forward_signals
-
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def interrupted(*_: object, **__: object) -> Any:
         with suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
         raise SystemError("DM.__array__ returned a result with an exception set")
 
-    try:
-        with forward_signals():
-            yield interrupted
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with forward_signals():
+        yield interrupted

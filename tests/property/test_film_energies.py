@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deatwin.plant.laws.dielectric import conduction_density
 from deatwin.plant.laws.energies import arruda_boyce, gent, mooney_rivlin, neo_hookean, ogden, yeoh
 from deatwin.plant.laws.stress import true_stress
 
@@ -53,9 +52,3 @@ def test_a_larger_stretch_has_the_larger_true_stress(energy, parameters, data, f
     size = 1e-9 * (abs(along) + abs(across) + max(values))
     assert (along - across) * (first - second) >= -size
     assert along * (first - 1 / (first * second)) >= -size
-
-
-@quick
-@given(field=st.floats(-2e8, 2e8))
-def test_conduction_takes_energy(field):
-    assert float(conduction_density(field)) * field >= 0

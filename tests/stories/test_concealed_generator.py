@@ -25,7 +25,6 @@ from deatwin.scenarios.concealed_physics.cases import (
     KEY,
     LADDER,
     OUTSIDE,
-    SIZES,
     TERM_NAMES,
     TIES,
     case_specs,
@@ -358,15 +357,6 @@ def test_the_standard_study_has_the_cases_that_were_asked_for():
     assert all(0.01 <= s.noise_share <= 0.05 for s in specs)
     assert len(case_specs("tiny", 1)) == 12 and len(case_specs("full", 1)) == 2 * len(specs)
     assert all(json.loads(json.dumps(plain(s))) == plain(s) for s in specs)
-
-
-def test_the_long_study_records_as_long_as_a_rig_and_in_two_waveforms():
-    specs, long = case_specs("long", 1), SIZES["long"]
-    assert Counter(spec.kind for spec in specs) == {"clean": 12, "effect": 2 * len(KEY), "outside": 14, "pair": 20}
-    assert {(spec.excitation, spec.records) for spec in specs} == {("noise+holds", 2)}
-    for name in KEY:
-        assert sorted(s.target_ratio for s in specs if s.kind == "effect" and s.effects == (name,)) == [0.9, 2.8]
-    assert long.seconds == 420.0 and long.check_seconds == 120.0
 
 
 def test_each_record_has_the_waveform_that_its_place_in_the_excitation_says():

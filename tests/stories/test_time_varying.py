@@ -9,7 +9,7 @@ from pages import story_page
 
 from deatwin.ident.narx import ThetaTrajectory, generate_terms
 from deatwin.ident.narx.fleet import linear_in_output
-from deatwin.ident.narx.varying_systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk
+from deatwin.ident.narx.varying_systems import MOVING_DC, SYSTEMS, drawn_walk
 from deatwin.scenarios import time_varying
 from deatwin.scenarios.time_varying import study
 from deatwin.scenarios.time_varying.measures import judge
@@ -42,16 +42,6 @@ def test_tones_measure_the_response_of_a_system_that_stands_still():
     late = slice(800, None)
     np.testing.assert_allclose(study._probed(still, omega, 1)[late], first, rtol=1e-4)
     np.testing.assert_allclose(study._probed(still, omega, 2)[late], second, rtol=1e-4)
-
-
-def test_slow_variation_is_estimated_and_corrected(monkeypatch):
-    monkeypatch.setattr(study, "TIMES", 60)
-    for system, count in ((RESONANCE, 1), (MOVING_DC, 2)):
-        runs = frozen_run(system, 4.0)
-        assert len(runs) == count
-        for run in runs:
-            assert run.estimate == pytest.approx(run.error, rel=0.1)  # the second order is a tenth of the first here
-            assert run.corrected < 0.5 * run.error
 
 
 def test_walks_are_covered_or_not():

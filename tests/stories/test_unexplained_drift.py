@@ -21,7 +21,7 @@ from deatwin.scenarios import unexplained_drift
 from deatwin.scenarios.unexplained_drift import repeatability, sealed, study
 from deatwin.scenarios.unexplained_drift.repeatability import FRESH, Drift, Group, History, between, drift_of
 from deatwin.scenarios.unexplained_drift.score import Mark, judged, measures
-from deatwin.scenarios.unexplained_drift.sealed import Key, concealed_in, opened
+from deatwin.scenarios.unexplained_drift.sealed import Key, opened
 from deatwin.scenarios.unexplained_drift.study import VISITS, Answers, Case, Finding, Study, Track, carry_out, case_of
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.sweep.seal import SweepSeal
@@ -77,20 +77,6 @@ def test_what_the_diagnosis_is_given_says_nothing_of_the_drift():
     early, late = np.abs(departure[: round(12 / 0.02)]), np.abs(departure[round(14 / 0.02) :])
     # Noise of 0.61 µm in each of the two: 5 standard deviations of their difference.
     assert early.max() < 5 * np.sqrt(2) * 0.7e-6 < late.max()
-
-
-def test_the_key_lists_what_the_specification_has_not():
-    key = Key.of(fleet(5))
-    assert {name: tuple(sorted(drift)) for name, drift in key.drifts.items()} == {
-        "DEA 1": ("grease_ridge", "permittivity_drift"),
-        "DEA 2": ("prestretch_relaxation",),
-        "DEA 3": ("creep", "permittivity_drift"),
-        "DEA 4": ("thermal_stiffness",),
-        "DEA 5": ("charge_injection", "prestretch_relaxation"),
-        "DEA 6": ("electrode_loss",),
-    }
-    assert key.drifts["DEA 2"]["prestretch_relaxation"] == {"relative_loss": 0.06, "time": 1000.0}
-    assert [e.name for e in concealed_in(fleet(5)[3])] == ["thermal_stiffness"]
 
 
 def sealed_folder(folder: Path, seed: int = 5, **changed: Any) -> Path:

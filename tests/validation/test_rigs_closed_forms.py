@@ -195,6 +195,7 @@ def test_all_strips_of_a_bow_tie_carry_its_load_and_the_field_does_its_work():
     load = (rig.waist_width + rig.bar_width) / 2 * stress(1.5, 1.5**-0.5, 0.0)
     np.testing.assert_allclose(widths[:, None] * stress(along, across, field), load, rtol=1e-8)
     np.testing.assert_allclose(stress(across, along, field), 0.0, atol=1e-6 * MU)
+    np.testing.assert_allclose(found.signals["field"], field * along[0] * across[0], rtol=1e-12)  # at the waist
     volumes = rig.length * rig.thickness * widths * shares
     elastic = volumes @ neo_hookean(along, across, MU)
     work = -load * rig.thickness * (found.readings[-1] - found.readings[0])

@@ -41,6 +41,9 @@ ELSEWHERE = {
     "diagnose motor:plant recording.csv --out found": "tests/unit/app/test_worked_rigs.py, in Python, with the other rigs",
     "diagnose plate:plant heated.csv --out plate": "tests/unit/ident/mismatch/test_foreign.py, in Python, with another model",
     "diagnose motor.fmu recording.csv --out found": "tests/unit/plant/foreign/test_fmu.py, which simulates with such a file",
+    "check narx.json --plant found/model.json --out control": "tests/unit/app/test_check_command.py, on a strip",
+    "check narx.json --plant found/model.json --diagnosis found --out control": "here, with a recording to predict as well",
+    "frequency narx.json --order 2 --out response": "here, with the order 3, which has the second one as well",
     "scenario NAME": "a placeholder: each scenario has commands of its own",
     "scenario NAME --out results/NAME": "the same placeholder",
 }
@@ -93,7 +96,7 @@ STAGES = (
 MADE_BY = {
     "narx.json": "identify noise.csv --method svb --out narx.json",
     "found": "diagnose rig.toml noise.csv steps.csv --out found",
-    "control": "check narx.json --plant found/model.json --diagnosis found --out control",
+    "control": "check narx.json --plant found/model.json --diagnosis found --recording test.csv --out control",
 }
 """What other commands take, by the documented command that writes it."""
 PREDICTED = "simulate found/model.json check.csv --history noise.csv --history steps.csv --out predicted.csv"

@@ -235,18 +235,14 @@ def test_no_module_of_the_folder_is_imported(root):
     assert (job.state, job.sentence) == (State.DONE, "")
 
 
-def test_the_worker_hears_an_interrupt_that_was_dropped(monkeypatch, capsys):
+def test_the_worker_hears_an_interrupt_that_was_dropped(monkeypatch, capsys, heard):
     def dropped(arguments: Sequence[str]) -> None:
         with suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
         worker._progress(0.5, "fitting")
 
     monkeypatch.setattr(worker, "_diagnose", dropped)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        assert worker.main(["diagnose"]) == 130
-    finally:
-        signal.signal(signal.SIGINT, before)
+    assert worker.main(["diagnose"]) == 130
     said = capsys.readouterr()
     assert ("interrupted" in said.err, said.out) == (True, "")
 

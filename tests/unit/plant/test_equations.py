@@ -1,10 +1,8 @@
 """The builder: what it refuses, and systems without this or that."""
 
-from dataclasses import dataclass
-
 import pytest
 
-from deatwin.plant import Coupon, Creep, Diaphragm, Hysteresis, ParameterSet, Plant, RigError
+from deatwin.plant import Coupon, Diaphragm, Hysteresis, ParameterSet, Plant, RigError
 from deatwin.plant.builder import Builder
 
 
@@ -40,13 +38,3 @@ def test_sizes_of_a_rig_do_not_change_its_code():
     sizes = [Plant(rig=Diaphragm()), Plant(rig=Diaphragm(frame_radius=50e-3, thickness=1e-3))]
     codes = [plant.equations.dynamics.serialize() for plant in sizes]
     assert codes[0] == codes[1]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Twice(Creep):
-    pass
-
-
-def test_an_effect_comes_once():
-    with pytest.raises(RigError, match="twice"):
-        Plant(rig=Coupon()).with_effects(Creep(), _Twice())

@@ -11,8 +11,8 @@ from deatwin.plant.interrupts import interrupts_held
 
 
 @pytest.mark.skipif(os.name == "nt", reason="os.kill of Windows ends the process")
-def test_an_interrupt_that_another_thread_takes_is_held_back_too():
-    before, over, reached = signal.signal(signal.SIGINT, signal.default_int_handler), threading.Event(), False
+def test_an_interrupt_that_another_thread_takes_is_held_back_too(heard):
+    over, reached = threading.Event(), False
     other = threading.Thread(target=over.wait)
     other.start()
     try:
@@ -27,4 +27,3 @@ def test_an_interrupt_that_another_thread_takes_is_held_back_too():
     finally:
         over.set()
         other.join()
-        signal.signal(signal.SIGINT, before)

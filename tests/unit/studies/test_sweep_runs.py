@@ -223,14 +223,10 @@ def test_control_c_leaves_usable_results_and_a_clear_line(tmp_path):
 
 
 @posix
-def test_what_a_fit_kept_when_it_was_interrupted_is_no_result(tmp_path):
+def test_what_a_fit_kept_when_it_was_interrupted_is_no_result(tmp_path, heard):
     store = CaseStore(tmp_path, SEAL)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt, match="interrupted: 0 of 1 cases"):
-            run_sweep(best_so_far, {"case-00": "case-00"}, store, jobs=1)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with pytest.raises(KeyboardInterrupt, match="interrupted: 0 of 1 cases"):
+        run_sweep(best_so_far, {"case-00": "case-00"}, store, jobs=1)
     assert store.missing(["case-00"]) == ["case-00"]
 
 

@@ -162,21 +162,17 @@ def test_lines_that_nobody_takes_do_not_end_the_work(monkeypatch):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("quiet", [True, False])
-def test_an_interrupt_that_was_dropped_ends_the_work_at_its_next_word(quiet, number):
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with forward_signals(*ORDINARY), Voice(quiet=quiet).progress("work") as tell:
-            tell(0.1, "solving")
-            with suppress(KeyboardInterrupt):
-                signal.raise_signal(number)
-            with pytest.raises(KeyboardInterrupt):
-                tell(0.2, "solved")
-        with forward_signals(*ORDINARY), Voice(quiet=quiet).progress("more work") as tell:
-            tell(0.1, "solving")  # what ended one command does not end the next
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-    finally:
-        signal.signal(signal.SIGINT, before)
+def test_an_interrupt_that_was_dropped_ends_the_work_at_its_next_word(quiet, number, heard):
+    with forward_signals(*ORDINARY), Voice(quiet=quiet).progress("work") as tell:
+        tell(0.1, "solving")
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(number)
+        with pytest.raises(KeyboardInterrupt):
+            tell(0.2, "solved")
+    with forward_signals(*ORDINARY), Voice(quiet=quiet).progress("more work") as tell:
+        tell(0.1, "solving")  # what ended one command does not end the next
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 class Finalised:
@@ -186,8 +182,8 @@ class Finalised:
         signal.raise_signal(signal.SIGINT)
 
 
-def test_an_interrupt_that_a_callback_swallows_is_obeyed_and_not_printed():
-    before, hook, printed = signal.signal(signal.SIGINT, signal.default_int_handler), sys.unraisablehook, []
+def test_an_interrupt_that_a_callback_swallows_is_obeyed_and_not_printed(heard):
+    hook, printed = sys.unraisablehook, []
     sys.unraisablehook = printed.append
     try:
         with pytest.raises(KeyboardInterrupt), forward_signals(*ORDINARY):
@@ -196,11 +192,10 @@ def test_an_interrupt_that_a_callback_swallows_is_obeyed_and_not_printed():
         assert printed == []
     finally:
         sys.unraisablehook = hook
-        signal.signal(signal.SIGINT, before)
 
 
-def test_errors_of_threads_are_printed_but_not_of_those_that_an_interrupt_leaves(monkeypatch):
-    before, printed = signal.signal(signal.SIGINT, signal.default_int_handler), []
+def test_errors_of_threads_are_printed_but_not_of_those_that_an_interrupt_leaves(monkeypatch, heard):
+    printed = []
     monkeypatch.setattr(threading, "excepthook", printed.append)
     asked, workers_gone = threading.Event(), threading.Event()
 
@@ -209,27 +204,23 @@ def test_errors_of_threads_are_printed_but_not_of_those_that_an_interrupt_leaves
         thread.start()
         return thread
 
-    try:
-        with pytest.raises(KeyboardInterrupt), forward_signals(*ORDINARY):
-            fail().join()
-            assert [told.exc_type for told in printed] == [ValueError]
-            during, later = fail(asked), fail(workers_gone)  # as threads that send jobs to workers
-            try:
-                signal.raise_signal(signal.SIGINT)
-            finally:
-                asked.set()
-                during.join()
-        workers_gone.set()
-        later.join()
-        assert len(printed) == 1
-        fail().join()  # as in a notebook, which goes on
-        assert len(printed) == 2
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with pytest.raises(KeyboardInterrupt), forward_signals(*ORDINARY):
+        fail().join()
+        assert [told.exc_type for told in printed] == [ValueError]
+        during, later = fail(asked), fail(workers_gone)  # as threads that send jobs to workers
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            asked.set()
+            during.join()
+    workers_gone.set()
+    later.join()
+    assert len(printed) == 1
+    fail().join()  # as in a notebook, which goes on
+    assert len(printed) == 2
 
 
-def test_what_casadi_makes_of_an_interrupt_is_one_only_where_one_was_asked_for():
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+def test_what_casadi_makes_of_an_interrupt_is_one_only_where_one_was_asked_for(heard):
 
     def asked_and(error: Exception) -> None:
         with forward_signals():
@@ -237,28 +228,22 @@ def test_what_casadi_makes_of_an_interrupt_is_one_only_where_one_was_asked_for()
                 signal.raise_signal(signal.SIGINT)
             raise error
 
-    try:
+    with pytest.raises(KeyboardInterrupt):
+        asked_and(SystemError("DM.__array__ returned a result with an exception set"))
+    with pytest.raises(OSError, match="disk is full"):  # what became of the work is told nevertheless
+        asked_and(OSError("the disk is full"))
+    with pytest.raises(SystemError, match="of its own"), forward_signals():
+        raise SystemError("of its own")
+
+
+def test_a_batch_system_is_heard_where_ctrl_c_is_ignored(heard):
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # as of what a shell runs in the background
+    with forward_signals(*ORDINARY), Voice().progress("work") as tell:
+        assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
         with pytest.raises(KeyboardInterrupt):
-            asked_and(SystemError("DM.__array__ returned a result with an exception set"))
-        with pytest.raises(OSError, match="disk is full"):  # what became of the work is told nevertheless
-            asked_and(OSError("the disk is full"))
-        with pytest.raises(SystemError, match="of its own"), forward_signals():
-            raise SystemError("of its own")
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def test_a_batch_system_is_heard_where_ctrl_c_is_ignored():
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as of what a shell runs in the background
-    try:
-        with forward_signals(*ORDINARY), Voice().progress("work") as tell:
-            assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
-            with suppress(KeyboardInterrupt):
-                signal.raise_signal(signal.SIGTERM)
-            with pytest.raises(KeyboardInterrupt):
-                tell(0.1, "solved")
-    finally:
-        signal.signal(signal.SIGINT, before)
+            tell(0.1, "solved")
 
 
 def test_a_worker_leaves_what_kills_it_alone():

@@ -240,11 +240,6 @@ def test_status(plant, command, status):
     assert (linear.detail != "") == (not status.ok)
 
 
-def test_the_operating_input_must_be_finite():
-    with pytest.raises(ModelError, match="finite"):
-        linearise_plant(FILM, np.inf)
-
-
 @pytest.fixture(scope="module")
 def calibrated() -> CalibratedPlant:
     plant = Plant(rig=Gap())

@@ -45,15 +45,6 @@ def test_all_equilibria_with_stability_and_the_one_near_the_data():
         assert point.output == pytest.approx(chosen, abs=1e-14)
 
 
-def test_the_equilibrium_is_followed_from_the_data_to_the_operating_input():
-    """y^2 = u has the branches ±sqrt(u); from (4, -2) the lower one leads to -3 at 9."""
-    model = NarxModel.from_terms(
-        {"y(k-1)": 1.0, "y(k-1)^2": 0.1, "u(k-1)": -0.1}, sample_time=1.0, operating=near(-2.0, 4.0)
-    )
-    assert equilibrium(model).output == pytest.approx(-2.0, rel=1e-12)
-    assert equilibrium(model, 9.0).output == pytest.approx(-3.0, rel=1e-12)
-
-
 def test_equilibria_do_not_depend_on_the_unit():
     scale = 1e-6
     model = NarxModel.from_terms(

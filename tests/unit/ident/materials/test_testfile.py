@@ -1,5 +1,6 @@
 """Lists of tests: all mistakes at once, columns by name, place and unit."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,12 @@ from deatwin.plant import DataError
 from deatwin.plant.files import write_csv, write_text_atomic
 
 SIZES = "[specimen]\nlength_mm = 50\nwidth_mm = 5\nthickness_mm = 2\n"
+
+
+def pulled(file: str, **keys: object) -> str:
+    """An entry of a pull in a list of tests."""
+    lines = ["[[tests]]", 'kind = "tension"', f'file = "{file}"', *(f"{k} = {json.dumps(v)}" for k, v in keys.items())]
+    return "\n".join(lines) + "\n"
 
 
 def listed(folder: Path, text: str) -> Path:
@@ -40,13 +47,12 @@ def test_true_stress_strain_in_per_cent_and_a_rate(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("strain", ["e [-]", "f=1", "f=mm/mm"])
 def test_a_strain_is_said_to_be_a_fraction(tmp_path: Path, strain: str) -> None:
-    text = f'[[tests]]\nkind = "tension"\nfile = "d.csv"\nstrain = "{strain}"\nstress = "s=kPa"\n'
-    (test,) = read_material_tests(listed(tmp_path, text)).tests
+    (test,) = read_material_tests(listed(tmp_path, pulled("d.csv", strain=strain, stress="s=kPa"))).tests
     np.testing.assert_allclose(test.stretch, 1 + 0.1 * np.arange(1, 6))
 
 
 def test_two_tests_of_one_file_have_names_of_their_own(tmp_path: Path) -> None:
-    one = '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s=kPa"\n'
+    one = pulled("b.csv", strain="#1", stress="s=kPa")
     names = [test.name for test in read_material_tests(listed(tmp_path, one + one)).tests]
     assert names == ["b.csv (1)", "b.csv (2)"]
 
@@ -60,57 +66,36 @@ def test_two_tests_of_one_file_have_names_of_their_own(tmp_path: Path) -> None:
         ),
         ("tests = 3\n", "there is no test"),
         (
-            '[material]\nenergy = "ogdn"\n[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s=kPa"\n',
+            '[material]\nenergy = "ogdn"\n' + pulled("b.csv", strain="#1", stress="s=kPa"),
             r"tests.toml: \[material\] energy: unknown energy .ogdn.",
         ),
         (
-            '[material]\npermittivity = -2.8\n[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s=kPa"\n',
+            "[material]\npermittivity = -2.8\n" + pulled("b.csv", strain="#1", stress="s=kPa"),
             r"tests.toml: \[material\] permittivity: -2.8 is below 1",
         ),
         ('[tests]\nkind = "tension"\n', r"write \[\[tests\]\] with double brackets"),
         (
-            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1=1"\nstress = "s=kPa"\n',
+            pulled("b.csv", strain="#1=1", stress="s=kPa"),
             r'b.csv: the column "e_%" is in %, but \[\[tests\]\] 1 gives it the unit 1; remove "=1"',
         ),
+        (pulled("b.csv", strain="s", stress="#1=kPa"), r'"e_%" is in %, but \[\[tests\]\] 1 gives it the unit kPa'),
         (
-            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "s"\nstress = "#1=kPa"\n',
-            r'"e_%" is in %, but \[\[tests\]\] 1 gives it the unit kPa',
-        ),
-        (
-            '[[tests]]\nkind = "tension"\nfile = "a.csv"\nstrain = "time_s"\nstress = "F_N=mN"\n',
+            pulled("a.csv", strain="time_s", stress="F_N=mN"),
             r'"F_N" is in N, but \[\[tests\]\] 1 gives it the unit mN; remove "=mN"',
         ),
+        (pulled("c2.csv", strain="e", stress="s=kPa"), '"e" gives no unit.*strain = "e=%", or "=1" for fractions'),
         (
-            '[[tests]]\nkind = "tension"\nfile = "c2.csv"\nstrain = "e"\nstress = "s=kPa"\n',
-            '"e" gives no unit.*strain = "e=%", or "=1" for fractions',
-        ),
-        (
-            '[[tests]]\nkind = "tension"\nfile = "c2.csv"\nstretch = "e"\nstress = "s=kPa"\n',
+            pulled("c2.csv", stretch="e", stress="s=kPa"),
             "c2.csv, row 4: .*a stretch of 30 there; it must be at most 20",
         ),
         ('[[tests]]\nkind = "dma"\nfile = "b.csv"\nstress = "s"\n', 'needs the column "frequency".*has no "stress"'),
-        (
-            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\n',
-            "one of stress, true_stress, force must be given",
-        ),
-        (
-            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstretch = "#1"\nstress = "s"\n',
-            "stretch and strain state the same quantity",
-        ),
-        (
-            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nheld_stretch = 2\nstress = "s"\n',
-            'the column "time" is needed too',
-        ),
-        (
-            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s"\n',
-            'gives no unit.*stress = "s=MPa"',
-        ),
-        ('[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "#1"\n', "as strain and as stress"),
-        ('[[tests]]\nkind = "tension"\nfile = "c.csv"\nstrain = "#1"\nstress = "s"\n', "c.csv: no such file"),
-        (
-            '[[tests]]\nkind = "tension"\nfile = "a.csv"\nstrain = "x_mm"\nstress = "F_N=Pa"\n',
-            "is in N, but .* gives it|is in mm",
-        ),
+        (pulled("b.csv", strain="#1"), "one of stress, true_stress, force must be given"),
+        (pulled("b.csv", strain="#1", stretch="#1", stress="s"), "stretch and strain state the same quantity"),
+        (pulled("b.csv", held_stretch=2, stress="s"), 'the column "time" is needed too'),
+        (pulled("b.csv", strain="#1", stress="s"), 'gives no unit.*stress = "s=MPa"'),
+        (pulled("b.csv", strain="#1", stress="#1"), "as strain and as stress"),
+        (pulled("c.csv", strain="#1", stress="s"), "c.csv: no such file"),
+        (pulled("a.csv", strain="x_mm", stress="F_N=Pa"), "is in N, but .* gives it|is in mm"),
     ],
 )
 def test_mistakes_are_told(tmp_path: Path, text: str, said: str) -> None:

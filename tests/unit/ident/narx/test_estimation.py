@@ -216,19 +216,6 @@ def test_bayesian_regression_takes_the_precision_of_largest_evidence():
     assert 1e-6 < found.precision < 1e5
 
 
-@pytest.mark.parametrize(
-    ("kind", "arguments", "says"),
-    [
-        (Ridge, {"penalty": 0.0}, "positive"),
-        (Ridge, {"penalty": "gvc"}, 'did you mean "gcv"'),
-        (Bayesian, {"precision": -1.0}, "positive"),
-    ],
-)
-def test_senseless_settings_are_refused(kind, arguments, says):
-    with pytest.raises(ModelError, match=says):
-        kind(**arguments)
-
-
 def recording(n=300, seed=0):
     rng = np.random.default_rng(seed)
     u, y = rng.uniform(-1, 1, n), np.zeros(n)

@@ -197,6 +197,8 @@ def test_an_estimator_says_where_to_find_what_its_model_has():
         (lambda: choose_orders(Frols(), RECORD, RECORD, output_lags=[2], degrees=1), r"degrees = 1; give all"),
         (lambda: excitation([RECORD]), "one recording is needed, not a list"),
         (lambda: Ridge(penalty=None), "penalty must be real numbers"),
+        (lambda: Ridge(penalty=0.0), "positive"),
+        (lambda: Ridge(penalty="gvc"), 'did you mean "gcv"'),
         (lambda: Bayesian(precision=np.inf), "precision = inf; it must be positive and finite"),
         (lambda: Bayesian(priors=1.0), r"priors = 1.0; give Priors\(\)"),
         (lambda: hold_out(RECORD, None), "share must be real numbers"),

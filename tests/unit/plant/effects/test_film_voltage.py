@@ -46,13 +46,6 @@ def test_a_lag_that_does_not_see_the_film_is_linear(chain):
     np.testing.assert_allclose(voltage, 1600 * (1 - np.exp(-0.02 * np.arange(1, 51) / 0.05)), rtol=1e-9)
 
 
-def test_without_resistance_the_voltage_passes(chain):
-    for share in (0.0, 1.0):
-        voltage = chain(NOISE, ElectrodeRC(time=0.0, film_share=share))["film_voltage"]
-        # Newton ends with an error below 1e-10 of the scale, 1 kV
-        np.testing.assert_allclose(voltage, GAIN * NOISE, rtol=0, atol=1e-7)
-
-
 def test_the_lag_grows_with_the_voltage(chain):
     # A lag of tau under commands held for h is V_k = (1 - e) u_k + e V_(k-1) with e = exp(-h/tau): a small slow tone
     # comes h e/(1 - e) late. At 3 V the film has twice the capacitance, and its swelling takes charge besides.

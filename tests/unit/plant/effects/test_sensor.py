@@ -44,33 +44,6 @@ def test_no_lag_passes_the_reading(chain, inertia):
     np.testing.assert_allclose(chain(NOISE, SensorLag(time=0.0, inertia=inertia))["reading"], MOTION, rtol=1e-13)
 
 
-def test_a_drift_runs_by_the_clock(chain):
-    got = chain(NOISE, SensorDrift(change=-70e-6, time=30.0))["reading"] - MOTION
-    np.testing.assert_allclose(got, -70e-6 * (1 - np.exp(-ENDS / 30.0)), rtol=1e-9)
-
-
-def test_a_jump_takes_one_sample(chain):
-    got = chain(NOISE, SensorJump(change=30e-6, at=2.01))["reading"] - MOTION
-    before, after = ENDS < 1.95, ENDS > 2.07  # 12 widths of h/4 away: exp(-12) is left
-    np.testing.assert_allclose(got[before], 0.0, atol=30e-6 * 7e-6)
-    np.testing.assert_allclose(got[after], 30e-6, rtol=7e-6)
-    # Halfway between two samples: two widths before and after.
-    np.testing.assert_allclose(got[~before & ~after][2:4], 30e-6 / (1 + np.exp([2.0, -2.0])), rtol=1e-6)
-
-
-def test_a_curve_is_quadratic_in_the_reading(chain):
-    got = chain(NOISE, SensorCurvature(curvature=80.0))["reading"]
-    np.testing.assert_allclose(got, MOTION + 80.0 * MOTION**2, rtol=1e-13)
-
-
-def test_a_reading_is_clipped_above_only(chain):
-    asked = np.linspace(-4.0, 4.0, 81)
-    got = chain(asked, SensorSaturation(limit=0.2e-3))["reading"]
-    left = 1e-6 * np.exp(-10.0)  # of the corner, at the next command
-    np.testing.assert_allclose(got[asked < 1.95], 1e-4 * asked[asked < 1.95], atol=left)
-    np.testing.assert_allclose(got[asked > 2.05], 0.2e-3, atol=left)
-
-
 def test_a_sensor_that_clips_leaves_the_ball_alone(base, experiment):
     free = base.simulate(experiment(NOISE)).require()
     clipped = base.with_effects(SensorSaturation(limit=0.1e-3)).simulate(experiment(NOISE)).require()

@@ -106,19 +106,15 @@ def test_the_catalogue_of_a_mass_is_not_empty() -> None:
     assert {"relaxation", "dead_zone", "backlash"} <= names
 
 
-def test_units_are_those_of_the_plant() -> None:
+def test_units_and_words_are_those_of_the_plant() -> None:
     (cubic,) = LARGE.of(CubicStiffness()).describe()
     friction, distance, _ = LARGE.of(Hysteresis()).describe()
     assert (cubic.unit, friction.unit, distance.unit) == ("1/(V2 s2)", "V/s2", "V")
     assert distance.value == pytest.approx(MOTION * 30e-6)
     assert distance.upper == pytest.approx(MOTION * 1e-3)
-
-
-def test_hertz_stay_hertz() -> None:
-    tone = next(e for e in catalogue() if e.name == "periodic_disturbance")
-    units = {p.name: p.unit for p in LARGE.of(tone).describe()}
-    assert units["frequency"] == "Hz"
-    assert units["phase"] == "rad"
+    units = {p.name: p.unit for p in LARGE.of(effect_named("periodic_disturbance")).describe()}
+    assert (units["frequency"], units["phase"]) == ("Hz", "rad")
+    assert LARGE.of(CoulombFriction()).wording.startswith("The mass ")
 
 
 def test_a_sensor_may_read_something_else_than_the_motion() -> None:
@@ -129,18 +125,9 @@ def test_a_sensor_may_read_something_else_than_the_motion() -> None:
     assert change.value == pytest.approx(20e-6 * 20.0 / DIAPHRAGM.motion)
 
 
-def test_what_acts_on_a_film_stays_as_it_is() -> None:
-    creep = Creep()
-    assert LARGE.of(creep) is creep
-
-
-def test_an_effect_of_a_plant_is_not_enlarged_twice() -> None:
-    cubic = LARGE.of(CubicStiffness())
-    assert LARGE.of(cubic) is cubic
-
-
-def test_the_sentence_speaks_of_what_moves() -> None:
-    assert LARGE.of(CoulombFriction()).wording.startswith("The mass ")
+@pytest.mark.parametrize("effect", [Creep(), LARGE.of(CubicStiffness())], ids=["of a film", "enlarged already"])
+def test_what_has_no_size_of_the_diaphragm_stays_as_it_is(effect: Effect) -> None:
+    assert LARGE.of(effect) is effect
 
 
 @pytest.mark.parametrize("effect", ON_A_MASS, ids=lambda e: e.name)

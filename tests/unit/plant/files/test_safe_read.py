@@ -34,7 +34,9 @@ from deatwin.ident.narx import NarxModel
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.files import read_recording
+from deatwin.plant.files.formats import unpacked
 from deatwin.plant.rigs.rigfile import read_rig
+unpacked.RECORDING_BYTES = 700_000_000  # more than there will be
 held = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (held + 600_000_000,) * 2)
 for path in sys.argv[1:]:
@@ -158,7 +160,7 @@ def test_what_unpacks_to_too_much_is_refused_within_little_memory(tmp_path: Path
     """600 MB more than the libraries take themselves; each of these files would unpack to gigabytes."""
     for package in ("h5py", "nptdms", "xarray", "h5netcdf"):
         pytest.importorskip(package)
-    (tmp_path / "zeros.mat").write_bytes(level_5(element(15, zeros(3))))
+    (tmp_path / "zeros.mat").write_bytes(level_5(element(15, zeros(1))))
     (tmp_path / "cells.mat").write_bytes(level_5(array(b"c", 1, (100_000_000, 1), b"")))
     (tmp_path / "nested.mat").write_bytes(level_5(structs_of_cells()))
     (tmp_path / "packed.mat").write_bytes(level_5(element(15, zlib.compress(structs_of_cells()))))
@@ -176,13 +178,13 @@ def test_what_unpacks_to_too_much_is_refused_within_little_memory(tmp_path: Path
     (tmp_path / "lines.csv").write_bytes(b"time_s,command_V\n" + b"1,2\n" * 20_000_000)
     (tmp_path / "columns.csv").write_text(",".join(f"c{k}" for k in range(20_000)) + "\n" + ",".join(["1"] * 20_000))
     expected = {
-        "zeros.mat": "it unpacks to 2 GB or more; at most 2 GB can be read",
+        "zeros.mat": "it unpacks to 700 MB or more; at most 700 MB can be read",
         "cells.mat": "it declares more entries of a cell or struct than it holds; it is damaged",
         "nested.mat": "it declares more entries of a cell or struct than it holds; it is damaged",
         "packed.mat": "it declares more entries of a cell or struct than it holds; it is damaged",
-        "empty.mat": "it unpacks to 8 GB or more; at most 2 GB can be read",
-        "gzip.mat": "it unpacks to 8 GB or more; at most 2 GB can be read",
-        "gzip.nc": "it unpacks to 8 GB or more; at most 2 GB can be read",
+        "empty.mat": "it unpacks to 8 GB or more; at most 700 MB can be read",
+        "gzip.mat": "it unpacks to 8 GB or more; at most 700 MB can be read",
+        "gzip.nc": "it unpacks to 8 GB or more; at most 700 MB can be read",
         "same.nc": "it declares more samples than it holds; it is damaged",
         "deep.json": "not a readable JSON file (lists are nested too deeply)",
         "list.json": "it holds 20000004 numbers, texts and lists; at most 20000000 can be read",

@@ -80,11 +80,7 @@ def test_the_model_error_of_a_rig_may_be_stated(
         ("noise_um = 2.0", "noise_um = -2.0", r"noise_um: -2.0 is out of range; it must be from 0 to 10000"),
         ("prestretch = 3.5", 'prestretch = 3.5\nball = "glued"', r'ball: "glued" is not known; it must be "bonded" or'),
         ("gain = 800.0", "gain 800.0", r"not valid TOML: line 11: write gain = 800.0"),
-        (
-            "gain = 800.0",
-            "gain = 800,5  # V/V",
-            r"not valid TOML: line 11, gain: write a number with a decimal point, not a comma: 800.5",
-        ),
+        ("gain = 800.0", "gain = 800,5  # V/V", r"line 11, gain: .* decimal point, not a comma: 800.5"),
         (
             "gain = 800.0",
             "gain = 800 V",
@@ -96,24 +92,16 @@ def test_the_model_error_of_a_rig_may_be_stated(
         ("gain = 800.0", "gain = 800.0\ngain = 900.0", r"line 12, gain: the key is already in line 11"),
         ("[drive]", "[drive", r"line 10: a section must be in brackets: write \[drive\]"),
         ("[drive]", "[drive" + "9" * 4000, r"a section must be in brackets: write \[drive9{0,75}…\]$"),
-        (
-            "gain = 800.0",
-            f"gain = {'8' * 4000},5",
-            r"line 11, gain: write a number with a decimal point, not a comma: 8{0,80}….5$",
-        ),
+        ("gain = 800.0", f"gain = {'8' * 4000},5", r"line 11, gain: .* not a comma: 8{0,80}….5$"),
         ("gain = 800.0", "gain = high", r'line 11, gain: a text must be in quotes: write "high"'),
         ("gain = 800.0", "gain = [800.0", r"not valid TOML: .*line 1"),
         (
             '"VHB 4905"',
             r'"C:\data\vhb.toml"',
-            r"line 2, material: a backslash .*write 'C:\\data\\vhb.toml', or C:/data/vhb.toml",
+            r"material: a backslash .*write 'C:\\data\\vhb.toml', or C:/data/vhb.toml",
         ),
         ('"VHB 4905"', r'"C:\Uni\lab\vhb.toml"', r"line 2, material: a backslash .*, or C:/Uni/lab/vhb.toml"),
-        (
-            '"VHB 4905"',
-            r'"C:\new\tab.toml"',
-            r"line 2, material: a backslash .*write 'C:\\new\\tab.toml'",
-        ),  # it is TOML
+        ('"VHB 4905"', r'"C:\new\tab.toml"', r"line 2, material: a backslash .*write 'C:\\new\\tab.toml'"),
         ('"VHB 4905"', '"VHB 4905  # tape', r'line 2, material: the closing quote is missing: write "VHB 4905"'),
         ("gain = 800.0", "gain: 800.0", r"line 11: write gain = 800.0"),
         ("gain = 800.0", "gain (V/V) = 800.0", r"line 11: write gain_V_V = 800.0"),
