@@ -103,7 +103,7 @@ def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_
     rows = dict(pairwise(cells))
     assert (
         rows["film: permittivity"]
-        == "0 % is explained by any effect there, 66 % can be predicted from the signals there"
+        == "0 % is explained by the best effect there, 66 % can be predicted from the signals there"
     )
     assert (rows["ball"], rows["sensor"]) == (
         "50 % can be predicted from the signals there",
@@ -360,7 +360,7 @@ def test_the_page_shows_every_step_in_order(whole):
         "not tested: it hardly differs",
         "−126 ± 8 %",
         "not determined",
-        "during rests of the command and up to 50.0 s after the command was last at rest, or after the start of the recording, whichever is later",
+        "during rests of the command and up to 50.0 s after the last one, or after the start of the recording if there was none",
         "displacement rate from −332 to 326 µm/s",
         "<td>falling reading</td>",
         "The strength of creep is not constant: in a fit that lets it vary, it changes by −126 % over the fitted data",
