@@ -470,6 +470,7 @@ def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path, verdict, said):
     assert f"<strong>How sure:</strong> {how_sure(replace(diagnosis, readings=None))}." in header
     then = re.sub(r"<[^>]*>", "", header.partition("<strong>Next:</strong> ")[2])
     assert then.startswith(f"{next_step(diagnosis)}.".replace("`", ""))
+    assert "&lt;code&gt;" not in page
     assert diagnosis.sentence.partition(". ")[2] in then  # details after what a phone shows first
 
 

@@ -122,7 +122,7 @@ def templates(package: str) -> Environment:
         "since_rest": since_rest,
     }
     environment.filters |= {"quantity": quantity, "raised": raised, "sentence": as_sentence, "time_span": time_span}
-    environment.filters["commands"] = lambda text: Markup(commands(unbroken(text)))
+    environment.filters["commands"] = lambda text: Markup(commands(str(unbroken(text))))
     environment.filters["whole_options"] = lambda text: Markup(whole_options(str(escape(text))))
     environment.finalize = unbroken
     return environment
