@@ -33,7 +33,7 @@ def require_folder(path: Path) -> Path:
     if path.is_dir():
         return path.resolve()
     if path.exists():
-        raise DataError(f"{path}: is a file; give the folder that contains it")
+        raise DataError(f"{path}: this is a file; give the folder that contains it")
     raise DataError(f"{path}: there is no such folder")
 
 
