@@ -18,7 +18,7 @@ from latex2mathml.converter import convert
 log = logging.getLogger("mkdocs.hooks.equations")  # below "mkdocs", where --strict counts warnings
 
 BLOCK = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
-INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>([,.;:)]*)', re.DOTALL)
+INLINE = re.compile(r'([([]?)<span class="arithmatex">\\\((.*?)\\\)</span>([,.;:)\]]*)', re.DOTALL)
 DIRECTIVE = re.compile(r"^( *)\.\. math::[ \t]*(.*(?:\n(?:\1[ \t]+\S.*|[ \t]*(?=\n\1[ \t]+\S)))*)", re.MULTILINE)
 SHAPE = re.compile(r"^( *(?:\w[\w, ]* : )?\w+), shape (?=\()", re.MULTILINE)
 ROLE = re.compile(r":math:`([^`]+)`")
@@ -31,9 +31,10 @@ def on_page_content(content: str, **_: Any) -> str:
 
 
 def _inline(found: re.Match[str]) -> str:
-    """Write an equation on one line with the punctuation behind it."""
-    shown = _mathml(found[1], "inline")
-    return f'<span class="option">{shown}{found[2]}</span>' if found[2] else shown
+    """Write an equation on one line with the brackets and the punctuation around it."""
+    before, latex, after = found.groups()
+    shown = _mathml(latex, "inline")
+    return f'<span class="option">{before}{shown}{after}</span>' if before or after else shown
 
 
 def _mathml(latex: str, display: str) -> str:

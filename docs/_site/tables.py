@@ -1,7 +1,8 @@
 """Label the cells of wide tables with their columns, so that a narrow screen can show the cells of a row below each other.
 
 A hook of MkDocs (`on_page_content`), named in mkdocs.yml. The stylesheet `extra.css` stacks the labelled cells. The
-extension of griffe (`OwnRows`), named there too, gives each parameter its own row of a table, and shows the numbers that constants hold.
+extension of griffe (`OwnRows`), named there too, gives each parameter its own row of a table, shows the numbers that
+constants hold, and shows an exported function where a module has the same name.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ SECTION = re.compile(
     r"^((?:Other )?Parameters|Attributes)\n-+\n(?:(?:[ \t]+\S.*|\w.*$(?!\n-)|[ \t]*)\n?)*", re.MULTILINE
 )
 SHARED = re.compile(r"^(\w+(?:, \w+)+)( : .*)?\n((?:[ \t]+.*\n?|[ \t]*\n)*)", re.MULTILINE)
+BARE = re.compile(r"^Returns\n-+\n\S.*\n*(?=\w.*\n-+\n|\Z)", re.MULTILINE)
+"""A return type without a description, which the signature above shows, too."""
 NARROW = 2
 """Columns of a table that a narrow screen shows as it is."""
 
@@ -48,16 +51,33 @@ class OwnRows(griffe.Extension):
     def on_instance(self, *, obj: griffe.Object, **_: Any) -> None:
         """Split the entries of one module, class, function or attribute."""
         if obj.docstring:
-            obj.docstring.value = SECTION.sub(lambda found: SHARED.sub(_split, found[0]), obj.docstring.value)
+            text = BARE.sub("", obj.docstring.value)
+            obj.docstring.value = SECTION.sub(lambda found: SHARED.sub(_split, found[0]), text)
 
-    def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
-        """Write the numbers that constants hold where defaults name these constants."""
+    def on_package(self, *, pkg: griffe.Module, loader: griffe.GriffeLoader, **_: Any) -> None:
+        """Write the numbers of constants that are defaults, and put exported functions before modules of the same name."""
         for obj in _below(pkg):
             if obj.is_function:
                 for parameter in obj.parameters:
                     parameter.default = _number(parameter.default, obj)
             elif obj.is_attribute and obj.parent.is_class:
                 obj.value = _number(obj.value, obj)
+        loader.resolve_aliases(implicit=True)  # afterwards, the modules that are replaced are not found by their paths
+        modules = [
+            (package, name, module)
+            for package in list(_below(pkg))
+            if package.is_init_module
+            for name, module in package.members.items()
+            if (not module.is_alias or module.resolved) and module.is_module
+        ]
+        exported = {
+            module.path: loader.modules_collection[package.imports[name]]
+            for package, name, module in modules
+            if not module.is_alias and name in package.imports
+        }
+        for package, name, module in modules:
+            if module.canonical_path in exported:
+                package.members[name] = griffe.Alias(name, exported[module.canonical_path], parent=package)
 
 
 def _below(obj: griffe.Object) -> Iterator[griffe.Object]:

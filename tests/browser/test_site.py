@@ -14,7 +14,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import Any
 
 import pytest
@@ -107,11 +106,12 @@ def defaults(page: str) -> dict[str, dict[str, str]]:
 
 
 def test_each_parameter_has_its_own_default_in_the_reference(site: Path) -> None:
-    exported = {f"{package}.{name}" for package in PUBLIC for name in importlib.import_module(package).__all__}
+    packages = [(package, importlib.import_module(package)) for package in PUBLIC]
+    exported = {f"{path}.{name}": getattr(package, name) for path, package in packages for name in package.__all__}
     pages = [page.read_text(encoding="utf-8") for page in (site / "reference").glob("*.html")]
     wrong, right = [], 0
     for name, said in ((name, said) for page in pages for name, said in defaults(page).items() if name in exported):
-        for one, parameter in inspect.signature(resolve_name(name)).parameters.items():
+        for one, parameter in inspect.signature(exported[name]).parameters.items():
             if one not in said or type(parameter.default) not in (bool, int, type(None)):
                 continue
             needed = (name, one) == ("deatwin.plant.foreign.ForeignRig", "sizes")  # None only stands for "not given"
@@ -120,6 +120,14 @@ def test_each_parameter_has_its_own_default_in_the_reference(site: Path) -> None
             wrong += [] if same else [(name, one, said[one], parameter.default)]
     assert wrong == []
     assert right > 300
+
+
+def test_the_reference_shows_exports_instead_of_modules_of_the_same_name(site: Path) -> None:
+    text = "".join(page.read_text(encoding="utf-8") for page in (site / "reference").glob("*.html"))
+    shown_names = {name.rpartition(".")[2] for name in re.findall(r'<h\d id="(deatwin\.[\w.]+)"', text)}
+    assert shown_names >= {name for package in PUBLIC for name in importlib.import_module(package).__all__}
+    assert "doc-module" not in text
+    assert re.findall(r'<div class="doc-md-description">\s*</div>', text) == []
 
 
 @pytest.mark.parametrize("name", PAGES)

@@ -154,9 +154,9 @@ class CalibratedPlant(
 
     @classmethod
     def nominal(cls, plant: Plant) -> Self:
-        """Return a calibrated plant for a `plant` that was not calibrated.
+        """Return a `plant` with its nominal values, for functions that need a calibrated plant.
 
-        The parameters count as exact. Noise and model error are those of the rig.
+        The values count as exact. Noise and model error are those of the rig.
         """
         return cls(plant=plant, noise=plant.rig.noise, model_error=plant.rig.model_error)
 

@@ -66,7 +66,8 @@ class Parameter:
     known : bool
         True if the experimenter measured the value; a calibration does not change it.
     guessed : bool
-        True if the value is only a start for fits. A diagnosis then takes all values within the range to be as likely.
+        True if the value is only a starting value for fits. A diagnosis then considers all values within the range
+            equally likely.
     widest : float, optional
         Largest magnitude that physics allows, SI. If a value exceeds `upper`, then `upper` is multiplied by four until
         it includes the value, but not beyond `widest`. A negative `lower` is extended in the same way.

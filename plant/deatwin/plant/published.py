@@ -80,7 +80,7 @@ _RANGE = _permittivity(4.5, "published values for stretched VHB lie between 3.5 
 
 
 def _common(name: str) -> Material:
-    """Return VHB with one relaxation and a middling modulus, as a start for a rig of unknown history."""
+    """Return VHB with one relaxation and a middling modulus, as starting values for a rig of unknown history."""
     return Material(
         name=name,
         energy=gent,

@@ -103,10 +103,10 @@ def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
         "All parameters of the model are refitted together with each effect."
     )
     yield (
-        "An effect counts as detected under two conditions: the diagnosis is expected to give this effect a probability of at "
-        "least 95 %, and the change that it causes in the reading, as far as a refit of all parameters cannot remove it, is large enough to "
-        "count as missing physics. Two effects count as not distinguished if the wrong effect, with suitable parameters, would fit "
-        "better than the right effect in more than 2.3 % of all recordings."
+        "An effect counts as detected if a diagnosis would probably find it: its expected probability is at least 95 %, and the "
+        "change of the reading that remains after all parameters are refitted is large enough to count as missing physics. Two "
+        "effects count as not distinguished if the wrong effect, with suitable parameters, would fit better than the right effect "
+        "in more than 2.3 % of all recordings."
     )
     if found.impossible:
         yield f"The model could not be simulated with {', '.join(map(spaced, found.impossible))}."

@@ -71,7 +71,7 @@ class ResultFolder:
         if str(path) == "-":
             raise DataError("-: results are not written to standard output; give a folder for the results")
         if path.is_file():
-            raise DataError(f"{path}: is a file; give a folder for the results")
+            raise DataError(f"{path}: this is a file; give a folder for the results")
         try:
             absent = [folder for folder in (path, *path.parents) if not folder.exists()]
             path.mkdir(parents=True, exist_ok=True)

@@ -158,7 +158,7 @@ def test_what_holds_more_than_the_steps_of_a_cancelled_job_is_not_replaced(besid
     for name in ("partial/steps.json", "partial/base_model.json", beside):
         (root / "found" / name).parent.mkdir(parents=True, exist_ok=True)
         (root / "found" / name).write_text("{}", encoding="utf-8")
-    with pytest.raises(DataError, match="found: exists already, and results are not replaced"):
+    with pytest.raises(DataError, match="found: this name is already taken, and results are not replaced"):
         board(root, QUICK).start(order())
     (root / "found" / beside).unlink()
     if beside.startswith("figures"):
@@ -174,7 +174,7 @@ def test_a_link_to_the_steps_of_a_cancelled_job_is_not_written_through(root):
     (root / "second").mkdir()
     (root / "second" / "partial").symlink_to(root.parent / "elsewhere" / "partial")
     for out in ("found", "second"):
-        with pytest.raises(DataError, match=f"{out}: exists already"):
+        with pytest.raises(DataError, match=f"{out}: this name is already taken"):
             board(root, QUICK).start(order(out=out))
 
 
@@ -209,7 +209,7 @@ def ended(process: int) -> bool:
         ({"recordings": ("gone.csv",)}, "gone.csv: there is no such file in the folder"),
         ({"rig": "os:getcwd"}, "os:getcwd: there is no such file in the folder"),
         ({"out": "../found"}, '../found: not a valid name for a folder here; use for example "found"'),
-        ({"out": "rig.toml"}, "rig.toml: exists already, and results are not replaced"),
+        ({"out": "rig.toml"}, "rig.toml: this name is already taken, and results are not replaced"),
     ],
 )
 def test_an_order_that_cannot_be_is_refused(changed, message, root):

@@ -103,7 +103,7 @@ def test_a_place_is_listed_with_what_effects_explain_there_and_what_its_signals_
     rows = dict(pairwise(cells))
     assert (
         rows["film: permittivity"]
-        == "0 % is explained by any effect there, 66 % can be predicted from the signals there"
+        == "0 % is explained by the best effect there, 66 % can be predicted from the signals there"
     )
     assert (rows["ball"], rows["sensor"]) == (
         "50 % can be predicted from the signals there",
@@ -360,7 +360,7 @@ def test_the_page_shows_every_step_in_order(whole):
         "not tested: it hardly differs",
         "−126 ± 8 %",
         "not determined",
-        "during rests of the command and up to 50.0 s after the command was last at rest, or after the start of the recording, whichever is later",
+        "during rests of the command and up to 50.0 s after the last one, or after the start of the recording if there was none",
         "displacement rate from −332 to 326 µm/s",
         "<td>falling reading</td>",
         "The strength of creep is not constant: in a fit that lets it vary, it changes by −126 % over the fitted data",
@@ -470,6 +470,7 @@ def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path, verdict, said):
     assert f"<strong>How sure:</strong> {how_sure(replace(diagnosis, readings=None))}." in header
     then = re.sub(r"<[^>]*>", "", header.partition("<strong>Next:</strong> ")[2])
     assert then.startswith(f"{next_step(diagnosis)}.".replace("`", ""))
+    assert "&lt;code&gt;" not in page
     assert diagnosis.sentence.partition(". ")[2] in then  # details after what a phone shows first
 
 

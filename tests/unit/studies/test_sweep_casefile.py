@@ -121,6 +121,6 @@ def test_files_of_others_and_parts_of_files_are_one_clear_error(tmp_path):
 def test_a_file_that_cannot_be_written_leaves_nothing_behind(tmp_path):
     (tmp_path / "one.nc").mkdir()
     (tmp_path / "one.nc" / "held").touch()
-    with pytest.raises(DataError, match=r"one\.nc: is a folder; give the name of a file"):
+    with pytest.raises(DataError, match=r"one\.nc: this is a folder; give the name of a file"):
         write_case(tmp_path / "one.nc", CASE)
     assert [path.name for path in tmp_path.iterdir()] == ["one.nc"]

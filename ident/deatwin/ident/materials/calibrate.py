@@ -48,7 +48,7 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
     about : mapping, optional
         Properties that tests cannot determine, with the keys of the section ``[material]`` of a rig file: ``name``,
         ``permittivity``, ``breakdown``, ``density_kg_m3``. If it contains ``energy``, only this energy is fitted. If
-        that is a formula of your own, ``parameters`` must give its start values and ranges.
+        that is a formula of your own, ``parameters`` must give its starting values and ranges.
 
     Returns
     -------

@@ -173,7 +173,7 @@ def _doubtful_values(findings: Findings) -> Iterator[str]:
             found, known = (amount(number(p.value), p.unit) for p in (fitted[name], nominal[name]))
             yield (
                 f"the fitted {spaced(name)}, {found}, is far from its nominal value, {known}: measure this parameter "
-                "if you can, because missing physics can change a fitted value, as a lag changes that of a damping"
+                "if you can, because missing physics can change fitted values (a missing lag, for example, changes the damping)"
             )
 
 

@@ -270,9 +270,10 @@ def ends(region: Region) -> tuple[float, float]:
 def since_rest(region: Region) -> str:
     """Return a range of the time since the command rested, in the words of a condition; it is 0 during a rest."""
     low, high = ends(region)
-    high_s = f"{number(high)} s after the command was last at rest"
-    span = f"during rests of the command and up to {high_s}" if low <= 0.0 else f"{number(low)} to {high_s}"
-    return f"{span}, or after the start of the recording, whichever is later"
+    first, last = number(low), number(high)
+    during = f"during rests of the command and up to {last} s after the last one"
+    span = during if low <= 0.0 else f"{first} to {last} s after the last rest of the command"
+    return f"{span}, or after the start of the recording if there was none"
 
 
 def _in(region: Region, diagnosis: Diagnosis) -> str:

@@ -158,8 +158,8 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         Parameters
         ----------
         terms : mapping of str to float, or of str to such mappings
-            Parameter of each term, as ``{"y(k-1)": 0.6, "u(k-1)^2": 0.3}``. For several outputs, one such mapping for
-            each: ``{"y1": {"y1(k-1)": 0.6}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}}``. Terms may also contain signal
+            Parameter of each term, as ``{"y(k-1)": 0.6, "u(k-1)^2": 0.3}``. If there are several outputs, give one
+            mapping for each output: ``{"y1": {"y1(k-1)": 0.6}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}}``. Terms may also contain signal
             names that are given in `details`.
         sample_time : float
             Sample time, s.

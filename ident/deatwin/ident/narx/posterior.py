@@ -331,7 +331,8 @@ def free_run_band(
         Probability that the band at any one time contains a new measurement, between 0 and 1.
     output_noise : float or array_like of shape (n_outputs,), optional
         Standard deviation of noise on the readings, in the outputs' units, which replaces the noise in the equation.
-        After `Grow` or `refine`, use the free-run error on the training data, ``model.simulate(training).rms_error``.
+        For a model from `Grow` or `refine`, give the free-run error on the training data,
+        ``model.simulate(training).rms_error``.
 
     Returns
     -------

@@ -23,8 +23,8 @@ class CoulombFriction(Effect):
     than :math:`v_s`. With :math:`v_s` = 1 nm/s the ball practically stands still; in a greased guide :math:`v_s` may
     be a millimetre per second. The numerical constant :math:`v_r = v_s + bF_c` does not change the solution. With b of
     the order of sample time divided by mass, it makes Newton's method converge. Typical: 1 to 5 % of the ball's weight,
-    0.3 to 1.5 mN, which displaces a film of stiffness k by 10 to 50 µm. The default :math:`v_s` = 0.1 mm/s is a start
-    from which a fit can reach firm sticking as well as fast creep.
+    0.3 to 1.5 mN, which displaces a film of stiffness k by 10 to 50 µm. The default :math:`v_s` = 0.1 mm/s is a
+    starting value from which a fit can reach both firm sticking and fast creep.
 
     Signature, if the motion is much faster than :math:`v_s`: after each reversal, the ball rests until the driving
     force has changed by :math:`2F_c`. The loop of reading over command has the height :math:`2F_c/k` at any rate, and

@@ -51,8 +51,8 @@ class Delay(Effect):
               H_{ij} = \frac{1}{i+j+1}
 
     With five stages, the error of a component with the angular frequency :math:`\omega` is at most
-    :math:`(\omega h)^5/15000` of its amplitude; for whole samples the error is zero. Held commands cause
-    corners in the motion. These lie on sample boundaries, so they cause no error. If both command and reading are
+    :math:`(\omega h)^5/15000` of its amplitude; for whole samples the error is zero. A step of the held
+    command causes a corner of the motion. The corners lie on sample boundaries, so they cause no error. If both command and reading are
     delayed by fractions of a sample, the corners lie within a sample, and the polynomial rounds them. A single sensor
     cannot distinguish a delay of the command from a delay of the reading; a second sensor without delay can.
 

@@ -16,7 +16,7 @@ def place_of(path: str | os.PathLike[str]) -> Path:
         raise DataError("-: results are not written to standard output; give the name of a file")
     target = Path(os.path.realpath(path)) if os.path.islink(path) else Path(path)
     if kind := kind_of_file(target):
-        raise DataError(f"{path}: is {kind}; give the name of a file")
+        raise DataError(f"{path}: this is {kind}; give the name of a file")
     return target
 
 

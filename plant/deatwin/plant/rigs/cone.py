@@ -67,7 +67,7 @@ class Cone(FilmActuator):
     snap_middle, snap_reach : float
         c and d, which determine the heights c - d and c + d of the bistable spring, m.
     damping : float
-        Damping constant of the moving part, N s/m; a start value for a fit.
+        Damping constant of the moving part, N s/m; a starting value for a fit.
     material, thickness, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
         Film, amplifier, start procedure and sensor; see `Diaphragm`.
     sample_time, noise, reading, model_error, command_range, chain, further, supply

@@ -64,7 +64,7 @@ class Disc(FilmActuator):
     mass : float
         Additional mass at the electrode's edge, such as that of a marker, kg.
     damping : float
-        Damping constant of the edge's motion due to the film's viscosity, N s/m; a start value for a fit.
+        Damping constant of the edge's motion due to the film's viscosity, N s/m; a starting value for a fit.
     material, thickness, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
         Film, amplifier, start procedure and sensor; see `Diaphragm`.
     sample_time, noise, reading, model_error, command_range, chain, further, supply

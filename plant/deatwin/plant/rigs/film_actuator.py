@@ -153,7 +153,7 @@ class FilmActuator(Rig):
     @property
     @abstractmethod
     def _rest_position(self) -> float:
-        """Return a start value for the position at rest, m."""
+        """Return a starting value for the position at rest, m."""
 
     @property
     @abstractmethod

@@ -52,7 +52,7 @@ class Planar(FilmActuator):
     sides : {"equal", "free", "clamped"}
         Support of the sides.
     mass, damping : float
-        Mass (kg) and damping constant (N s/m) of the moving bar; the damping is a start value for a fit. Both act on
+        Mass (kg) and damping constant (N s/m) of the moving bar; the damping is a starting value for a fit. Both act on
         the motion in direction 1 only. With equal sides, the forces in both directions drive this motion: the total
         force is twice the difference between the right and the left side of the equation above.
     material, thickness, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction

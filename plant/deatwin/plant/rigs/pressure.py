@@ -51,7 +51,7 @@ class Pressure(FilmActuator):
     mass : float
         Additional mass at the apex, kg. Its weight is neglected.
     damping : float
-        Damping constant of the apex, N s/m; a start value for a fit.
+        Damping constant of the apex, N s/m; a starting value for a fit.
     material, thickness, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
         Film, amplifier, start procedure and sensor; see `Diaphragm`.
     sample_time, noise, reading, model_error, command_range, chain, further, supply

@@ -40,7 +40,7 @@ class Stack(FilmActuator):
     mass : float
         Mass of the moving part, kg.
     damping : float
-        Damping constant of the moving part, N s/m; a start value for a fit.
+        Damping constant of the moving part, N s/m; a starting value for a fit.
     material, thickness, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
         Film, amplifier, start procedure and sensor; see `Diaphragm`.
     sample_time, noise, reading, model_error, command_range, chain, further, supply

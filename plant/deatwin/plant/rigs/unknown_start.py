@@ -29,7 +29,7 @@ def memories(substance: Material, effects: Sequence[Effect]) -> tuple[Parameter,
             unit=unit,
             lower=-FARTHEST[unit],
             upper=FARTHEST[unit],
-            source="the start is not known: at rest at 0 V as a start value",
+            source="the start is not known: at rest at 0 V as a starting value",
         )
         for name, unit in units.items()
     )

@@ -184,10 +184,10 @@ _KINDS: Mapping[str, _Kind] = {
 
 
 NEXT = {
-    Verdict.PASS: "export the controller as C source with deatwin export check.json --to c, and try small steps on the actuator.",
-    Verdict.MARGINAL: "remove the cause that is named above, or try another --design or a longer --closed-loop-time.",
-    Verdict.FAIL: "do not use this controller; remove the cause that is named above, or try another --design or a longer "
-    "--closed-loop-time.",
+    Verdict.PASS: "export the controller as C source with `deatwin export check.json --to c`, and try small steps on the actuator.",
+    Verdict.MARGINAL: "remove the cause that is named above, or try another `--design` or a longer `--closed-loop-time`.",
+    Verdict.FAIL: "do not use this controller; remove the cause that is named above, or try another `--design` or a longer "
+    "`--closed-loop-time`.",
 }
 
 

@@ -33,7 +33,7 @@ def require_folder(path: Path) -> Path:
     if path.is_dir():
         return path.resolve()
     if path.exists():
-        raise DataError(f"{path}: is a file; give the folder that contains it")
+        raise DataError(f"{path}: this is a file; give the folder that contains it")
     raise DataError(f"{path}: there is no such folder")
 
 
@@ -45,7 +45,7 @@ def inside(root: Path, name: str) -> Path:
     except (OSError, RuntimeError, ValueError):  # for example, a loop of links or a null character
         raise DataError(f"{name!r}: this cannot be the name of a file in {root}") from None
     if not path.is_relative_to(home):
-        raise DataError(f"{name}: lies outside of {root}; only what is in this folder can be used")
+        raise DataError(f"{name}: this path lies outside of {root}; only what is in this folder can be used")
     return path
 
 

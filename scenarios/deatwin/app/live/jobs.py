@@ -250,7 +250,9 @@ class Board:
             if any(_same(folder, self.root / job.order.out) for job in self.running):
                 raise DataError(f"{out}: a running job writes into it; choose another name") from None
             if not holds_only_partial(folder):
-                raise DataError(f"{out}: exists already, and results are not replaced; choose another name") from None
+                raise DataError(
+                    f"{out}: this name is already taken, and results are not replaced; choose another name"
+                ) from None
         except OSError as error:
             raise DataError(f"{out}: the folder cannot be made: {error.strerror}") from None
 

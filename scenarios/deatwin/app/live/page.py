@@ -102,9 +102,9 @@ class View:
             self.columns = {
                 role: _field(ui.input(label, autocomplete=[]))
                 for role, label in (
-                    ("input_column", "Input column, if not command_V"),
-                    ("output_column", "Output column, if not displacement_mm"),
-                    ("time_column", "Column of times, if not time_s"),
+                    ("input_column", "Input, if not command_V"),
+                    ("output_column", "Output, if not displacement_mm"),
+                    ("time_column", "Times, if not time_s"),
                 )
             }
             self.units = {

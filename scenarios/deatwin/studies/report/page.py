@@ -109,7 +109,7 @@ def _places(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
         shares = {"can be predicted from the signals there": place.explained}
         if place.explained is None or place.effect is not None:
             one = f"{effects_in_words(place.effect)} alone" if place.effect else "an effect"
-            best = "any effect there" if place.score < HARDLY else one
+            best = "the best effect there" if place.score < HARDLY else one
             shares = {f"is explained by {best}": place.score, **shares}
         known = {what: max(share, 0.0) for what, share in shares.items() if share is not None}
         rows.append((max(known.values()), name, [f"{100 * share:.0f} % {what}" for what, share in known.items()]))

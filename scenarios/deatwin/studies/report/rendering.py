@@ -122,6 +122,7 @@ def templates(package: str) -> Environment:
         "since_rest": since_rest,
     }
     environment.filters |= {"quantity": quantity, "raised": raised, "sentence": as_sentence, "time_span": time_span}
+    environment.filters["commands"] = lambda text: Markup(commands(str(unbroken(text))))
     environment.filters["whole_options"] = lambda text: Markup(whole_options(str(escape(text))))
     environment.finalize = unbroken
     return environment
@@ -144,6 +145,15 @@ def kept_together(text: str) -> str:
     """
     text = _UNIT.sub(lambda found: found[0].replace(" ", "\xa0"), text)
     return whole_options(_MINUS.sub("−", text))
+
+
+def commands(text: str) -> str:
+    """Show the parts of a text of HTML that stand in backticks as code.
+
+    >>> commands("use `deatwin check`")
+    'use <code>deatwin check</code>'
+    """
+    return re.sub("`([^`]*)`", r"<code>\1</code>", text)
 
 
 def whole_options(text: str) -> str:

@@ -42,15 +42,14 @@ def _drawable(diagnosis: Diagnosis, findings: Findings) -> dict[str, Drawable]:
     found["checked"] = (
         (WIDTH, 3.2),
         "The readings",
-        "The readings as recorded. Any jumps are marked, and so are samples that are stuck, outlying, clipped or noisier than "
-        "elsewhere.",
+        "The readings as recorded. Marks show jumps, and samples that are stuck, outlying, clipped or noisier than elsewhere.",
         lambda figure: findings.checked.plot(figure.add_subplot()),
     )
     found["detection"] = (
         (WIDTH, 8.4),
         "Tests of the residual",
         "Residual of the calibrated model: its spectrum, its cumulative periodogram, and its correlations with time and with "
-        "functions of the command. In each correlation, the lag grows from left to right. If nothing were missing, the "
+        "functions of the command. In each correlation, the lag grows from left to right. If the model lacked nothing, the "
         "curves of a panel would stay inside the grey range in 99 % of all recordings.",
         lambda figure: findings.detection.plot(list(figure.subplots(3, 1))),
     )

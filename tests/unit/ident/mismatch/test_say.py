@@ -490,8 +490,8 @@ def test_a_refuted_explanation_and_a_free_form_are_no_causes():
 def test_an_unknown_mismatch_is_said_to_lie_where_and_what_to_suspect():
     assert (
         "(sensor noise: 2.0 µm rms). The mismatch is spread over the recordings. Most of the power of the mismatch lies at frequencies below "
-        "1.4 Hz. The mean residual is largest in magnitude, -6.7 µm, 0.520 to 58.3 s after the command was "
-        "last at rest, or after the start of the recording, whichever is later. If the readings are sound, first look for the cause at the film, because the signals there predict the mismatch best."
+        "1.4 Hz. The mean residual is largest in magnitude, -6.7 µm, 0.520 to 58.3 s after the last "
+        "rest of the command, or after the start of the recording if there was none. If the readings are sound, first look for the cause at the film, because the signals there predict the mismatch best."
     ) in DIAGNOSES["unknown, located"].sentence
     assert (
         " Of the mismatch between model and recordings, 90 % lies between 118 and 240 s."

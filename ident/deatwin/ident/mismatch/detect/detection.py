@@ -176,7 +176,7 @@ class Detection(Described):
 
     @property
     def disturbance(self) -> bool:
-        """True if there is a mismatch and ``origin`` is ``DISTURBANCE``: it does not come from the plant."""
+        """True if there is a mismatch that does not come from the plant: ``origin`` is ``DISTURBANCE``."""
         return self.mismatch and self.origin is Origin.DISTURBANCE
 
     @property

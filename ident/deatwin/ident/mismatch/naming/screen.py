@@ -93,7 +93,7 @@ def linearised_responses(
     effects : sequence of Effect
         Effects whose responses are computed.
     fit : Calibration
-        Calibration whose residual is to be explained. The start values of event times, periods and resonance
+        Calibration whose residual is to be explained. The starting values of event times, periods and resonance
         frequencies are found from this residual.
     finished : callable, optional
         Called with the number of finished effects.

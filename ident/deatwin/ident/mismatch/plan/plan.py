@@ -57,9 +57,9 @@ def plan_experiment(
     """Compute which effects an input would reveal, at which strength, and which it could not distinguish.
 
     The computation is to first order about the nominal plant. It allows for the refit of the plant's parameters and for
-    the plant's model error. An effect counts as detected under two conditions. Its expected evidence must make it 95 %
-    probable. The part of its response that the parameters cannot absorb must be large enough for `diagnose` to count it
-    as missing physics.
+    the plant's model error. An effect counts as detected if its expected evidence makes it 95 % probable, and
+    if the part of its response that the parameters cannot absorb is large enough for `diagnose` to count it as missing
+    physics.
 
     Parameters
     ----------

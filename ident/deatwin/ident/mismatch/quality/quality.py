@@ -160,6 +160,7 @@ class DataQuality(Described):
         Returns
         -------
         tuple of tuple of ndarray of bool
+            One tuple for each experiment, with one array for each recording, True at the samples that are kept.
         """
         return tuple(
             tuple(
