@@ -11,8 +11,8 @@ Of all pairs that were fitted, that one gives :math:`\delta` whose error helps t
 with equal prior probabilities of all directions, it would have the mean of these likelihoods, not the largest.
 
 The direction of :math:`\delta_2` is not known beforehand: it was fitted, by the time constants, thresholds and times of
-events of the second effect. Their priors narrow to the fitted values alike, whether they shape the second effect or an
-error, so they lower the evidence of both.
+events of the second effect. Whether these shape an effect or an error, they are equally free, so the evidence of both
+changes by the same factor.
 
 A delay that counts as the plant's own timing error has the prior of that error. The column of the timing error stays as
 in all other sets: it belongs to the motion of the base plant, and a delay to that of its own.
@@ -118,7 +118,7 @@ class Scale:
         further = {e.name: f"{e.name}.{e.strength}" for e in self.problem.everywhere if e.name not in alone.effects}
         own = [(name, further.get(name.partition(".")[0])) for name in pair.calibration.names]
         known = {name for name, strength in own if strength not in (None, name)}
-        return min(self.weight(pair) - self._evidence(pair, known=known), 0.0) if known else 0.0
+        return self.weight(pair) - self._evidence(pair, known=known) if known else 0.0
 
     @property
     def _pair_odds(self) -> float:

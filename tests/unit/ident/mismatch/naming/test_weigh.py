@@ -96,7 +96,9 @@ def test_what_is_far_more_than_an_error_of_the_law_is_a_second_effect(scale):
     assert min(odds(scale, 20.0 * OTHER, rng) for _ in range(5)) > STRONG
 
 
-@pytest.mark.parametrize(("missed", "cost"), [(20.0 * OTHER, 0.0), (0.0, 1.0)], ids=["an error or an effect", "neither"])
+@pytest.mark.parametrize(
+    ("missed", "cost"), [(20.0 * OTHER, 0.0), (0.0, 1.0)], ids=["an error or an effect", "neither"]
+)
 def test_a_shape_that_is_fitted_costs_an_error_of_the_law_as_much_as_an_effect(scale, missed, cost):
     """An unknown time constant that the readings show to a fortieth of its prior deviation lowers the evidence by ln 40:
     both that of a second effect and that of an error of its shape, so the odds of the two stay. If neither is there, the
