@@ -37,7 +37,7 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     alone = naming.best is not None
     least = STRONG if alone else 0.0
     elsewhere = [alternative for alternative in naming.alternatives if not search.is_own(alternative)]
-    if not alone:
+    if not first.adequate:  # responses in the biased base plant do not rank what is left
         search.screen(first.effects)
     scale = search.scale
     search.with_each(_promising(search, scale))

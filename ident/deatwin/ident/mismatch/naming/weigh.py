@@ -10,13 +10,17 @@ another law of the single effect could cause and the rest,
 Of all pairs that were fitted, that one gives :math:`\delta` whose error helps the single effect most. That is cautious:
 with equal prior probabilities of all directions, it would have the mean of these likelihoods, not the largest.
 
+The direction of :math:`\delta_2` is not known beforehand: it was fitted, by the time constants, thresholds and times of
+events of the second effect. Whether these shape an effect or an error, they are equally free, so the evidence of both
+changes by the same factor.
+
 A delay that counts as the plant's own timing error has the prior of that error. The column of the timing error stays as
 in all other sets: it belongs to the motion of the base plant, and a delay to that of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -104,8 +108,17 @@ class Scale:
         fits = (alone.calibration, pair.calibration)
         key = (id(fits[0]), id(fits[1]))  # the fits are kept beside the value, so their ids stay valid
         if key not in self._inexact:
-            self._inexact[key] = (fits, self._evidence(alone, self._law(pair, alone)))
+            law = self._law(pair, alone)
+            own, whole = self._evidence(alone, law[:, :1]), self._evidence(alone, law)
+            self._inexact[key] = (fits, max(own, whole + self._shape_odds(pair, alone)) if law.shape[1] > 1 else whole)
         return self._inexact[key][1]
+
+    def _shape_odds(self, pair: Candidate, alone: Candidate) -> float:
+        """Return the log odds of not knowing the shapes of a pair's further effects over knowing them as fitted."""
+        further = {e.name: f"{e.name}.{e.strength}" for e in self.problem.everywhere if e.name not in alone.effects}
+        own = [(name, further.get(name.partition(".")[0])) for name in pair.calibration.names]
+        known = {name for name, strength in own if strength not in (None, name)}
+        return self.weight(pair) - self._evidence(pair, known=known) if known else 0.0
 
     @property
     def _pair_odds(self) -> float:
@@ -120,20 +133,22 @@ class Scale:
             self._weights[(*candidate.effects, late)] = known
         return known[1]
 
-    def _evidence(self, candidate: Candidate, law: np.ndarray | None = None, late: str = "") -> float:
+    def _evidence(
+        self, candidate: Candidate, law: np.ndarray | None = None, late: str = "", known: Collection[str] = ()
+    ) -> float:
         """Return the log evidence of a candidate's fit, with columns (n, k) along which its law may err.
 
-        The delay named `late` is the plant's own timing error.
+        The delay named `late` is the plant's own timing error. The parameters `known` have no other values.
         """
         fit = candidate.calibration
-        columns, prior, factor = self._columns(candidate, late)
+        columns, prior, factor = self._columns(candidate, late, known)
         if law is not None:
             columns = np.column_stack([columns, law])
             prior = Prior(
                 fitted=np.append(prior.fitted, np.zeros(law.shape[1])),
                 above=np.append(prior.above, np.full(law.shape[1], -np.inf)),
             )
-        events = sum(name in fit.plant.event_times for name in fit.names)
+        events = sum(name in fit.plant.event_times and name not in known for name in fit.names)
         # An event is equally likely at each sample; readings are not smooth in its time, and show it to about a sample.
         weighed = evidence(self.error.likelihood(fit.residuals, columns), prior)
         placed = events * float(np.log(self.error.moments))
@@ -147,15 +162,18 @@ class Scale:
         late = later(fit.plant, parts, readings, TIMING * rig.sample_time)
         return own_errors(rig, parts, readings, self.noise, self.problem.expected_error, late)
 
-    def _columns(self, candidate: Candidate, late: str = "") -> tuple[np.ndarray, Prior, float]:
+    def _columns(
+        self, candidate: Candidate, late: str = "", given: Collection[str] = ()
+    ) -> tuple[np.ndarray, Prior, float]:
         """Return the columns of parameters and model error, scaled by prior deviations, (n, k), the fit's prior, and
         its log factor.
 
-        The delay named `late` is the plant's own timing error.
+        The delay named `late` is the plant's own timing error. The parameters `given` have no columns.
         """
         fit, effects = candidate.calibration, {effect.name: effect for effect in self.problem.everywhere}
-        moves = Problem(plant=fit.plant, parts=(), names=fit.names).smooth()
-        parameters = [fit.plant.parameters[name] for name, smooth in zip(fit.names, moves, strict=True) if smooth]
+        smooth = Problem(plant=fit.plant, parts=(), names=fit.names).smooth()
+        moves = smooth & np.array([name not in given for name in fit.names], dtype=bool)
+        parameters = [fit.plant.parameters[name] for name, moving in zip(fit.names, moves, strict=True) if moving]
         largest = float(np.quantile(np.abs(self.error.of[0].readings), 0.99))
         step = TIMING * self.problem.nominal.rig.sample_time
         known = [

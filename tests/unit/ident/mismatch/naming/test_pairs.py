@@ -179,6 +179,15 @@ def test_what_lets_the_rig_be_nearer_to_its_nominal_values_is_tried(leaving, can
     assert search.asked == asked
 
 
+@pytest.mark.parametrize(
+    ("left", "screened"), [(3.0, [CLIP]), (2.2, [])], ids=["2.2 µm too much", "0.9 µm beyond noise"]
+)
+def test_what_an_effect_leaves_beyond_noise_and_model_error_is_looked_at_in_its_own_plant(leaving, left, screened):
+    search = Known(*leaving(5.0, left, 4.6, 2.1))
+    decided(search)
+    assert search.screened == screened
+
+
 def undecided(search: Search) -> Naming:
     """The decision after a look for a second effect, if no single effect was adequate."""
     return with_a_second(search, replace(first_alone(search), best=None, probabilities={}))

@@ -96,6 +96,27 @@ def test_what_is_far_more_than_an_error_of_the_law_is_a_second_effect(scale):
     assert min(odds(scale, 20.0 * OTHER, rng) for _ in range(5)) > STRONG
 
 
+@pytest.mark.parametrize(
+    ("missed", "cost"), [(20.0 * OTHER, 0.0), (0.0, 1.0)], ids=["an error or an effect", "neither"]
+)
+def test_a_shape_that_is_fitted_costs_an_error_of_the_law_as_much_as_an_effect(scale, missed, cost):
+    """An unknown time constant that the readings show to a fortieth of its prior deviation lowers the evidence by ln 40:
+    both that of a second effect and that of an error of its shape, so the odds of the two stay. If neither is there, the
+    law is exact, and the odds of a second effect fall by as much.
+    """
+    slower = 40.0 * NOISE / np.sqrt(TIMES.size) * np.sqrt(2.0) * np.cos(2.0 * np.pi * 11.0 * TIMES)
+    noise = NOISE * np.random.default_rng(12).standard_normal(TIMES.size)
+    left = noise - slower * (slower @ noise) / (slower @ slower) + missed * SIZE * LATER  # the fit gains nothing by it
+    alone, pair = fitted(left, (FIRST, CREPT)), fitted(left, (FIRST, CREPT), (SECOND, SIZE * LATER))
+    time = next(p for p in SECOND.parameters if p.name == "sensor_drift.time")
+    fit, plant = pair.calibration, pair.calibration.plant
+    shaped = SimpleNamespace(**{**vars(plant), "parameters": {**plant.parameters, time.name: time}})
+    more = {"plant": shaped, "names": (*fit.names, time.name), "jacobian": np.column_stack([fit.jacobian, slower])}
+    free = SimpleNamespace(**{**vars(pair), "calibration": SimpleNamespace(**{**vars(fit), **more})})
+    known, found = scale.of_two(pair, alone), scale.of_two(free, alone)
+    assert found == pytest.approx(known - cost * np.log(40.0), abs=1.0)
+
+
 def test_no_error_of_a_slow_law_is_fast(scale):
     """An error as errors of laws are explains what is slow, as the first effect is, but nothing where that one does
     nothing: there, a tone of 0.3 of the noise makes a second effect e^(1500 * 0.3^2 / 2) times as likely.
