@@ -54,7 +54,7 @@ class Creep(Effect):
     def rewrite(self, signal: Film, build: Builder) -> Film:
         return signal.with_branch(self.name, self.own("modulus", build), self.own("time", build), build)
 
-    def broadened(self) -> CreepSpectrum:
+    def broadened(self) -> Effect | None:
         """Return creep with a spectrum of relaxation times."""
         return CreepSpectrum()
 

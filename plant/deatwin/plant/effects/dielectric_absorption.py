@@ -67,7 +67,7 @@ class DielectricAbsorption(Effect):
         build.share("instant_share", 1 - share)
         return signal - share * voltage * lagging
 
-    def broadened(self) -> AbsorptionSpectrum:
+    def broadened(self) -> Effect | None:
         """Return absorption with a spectrum of relaxation times."""
         return AbsorptionSpectrum()
 

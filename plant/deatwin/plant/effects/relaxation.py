@@ -80,7 +80,7 @@ class Relaxation(Effect):
         times = np.geomspace(2 * np.median(steps), max(np.ptp(timepts) / 3, 2 * np.median(steps)), STARTS)
         return tuple(replace(self, time=float(t)) for t in np.unique(np.clip(times, known.lower, known.upper)))
 
-    def broadened(self) -> RelaxationSpectrum:
+    def broadened(self) -> Effect | None:
         """Return relaxation with a spectrum of relaxation times."""
         return RelaxationSpectrum()
 

@@ -28,8 +28,9 @@ class Spectrum(Effect):
         for name, power in ((f"{self.name}_fast", -0.5), (f"{self.name}_middle", 0.0), (self.name, 0.5)):
             yield name, time * 10 ** (power * decades)
 
-    def broadened(self) -> None:
-        """Return nothing, because no more general law is known."""
+    def broadened(self) -> Effect | None:
+        """Return None, because no more general law is known."""
+        return None
 
     @property
     def entry(self) -> dict[str, Any]:
