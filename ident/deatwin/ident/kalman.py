@@ -107,8 +107,7 @@ def kalman_filter(model: StateSpace, outputs: ArrayLike) -> Filtered:
 
 
 def adjoint(filtered: Filtered) -> tuple[Array, Array]:
-    """Run the filter's adjoint backward [2]_, [3]_; returns gradients of the log likelihood by a shift of the state
-    before each sample (n, n_states), and minus the second derivatives (n, n_states, n_states)."""
+    """Return gradients of the log likelihood by the states, (n, n_states), and minus second derivatives [2]_, [3]_."""
     _require_no_fading(filtered.model)
     return backward(filtered.model, filtered.innovations, filtered.innovation_variances, filtered.gains)
 

@@ -30,7 +30,7 @@ from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.family import linearise_many
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.plant import draw_plants, linearise_plants
-from deatwin.control.linear.varying import linearise_along
+from deatwin.control.linear.schedule import linearise_along
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop, predict_loop
 from deatwin.control.progress import Progress, part

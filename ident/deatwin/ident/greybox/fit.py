@@ -14,12 +14,11 @@ from deatwin.ident.arguments import positive, real_number, whole_number
 from deatwin.ident.greybox.covariance import RANK, covariance
 from deatwin.ident.greybox.minimum import CLOSE, EVALUATIONS, Interrupted, minimise, settled_at
 from deatwin.ident.greybox.parts import Records, parts_of
-from deatwin.ident.greybox.problem import Problem, Response
+from deatwin.ident.greybox.problem import Problem, Progress, Response, Watch, unwatched
 from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least, with_better
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.survey import survey
 from deatwin.ident.greybox.tangent import least_within, linearised_rms
-from deatwin.ident.greybox.watch import Progress, Watch, unwatched
 from deatwin.plant.arguments import each, instance
 from deatwin.plant.arrays import texts
 from deatwin.plant.calibrated import TWO_SIDED_95

@@ -161,8 +161,7 @@ def _choices(fits: Sequence[Fit], best: Fit, count: float) -> Iterator[Choice]:
 
 
 def _intervals(data: Observations, best: Fit, noise: Noise) -> tuple[tuple[Quantity, ...], Array]:
-    """Return parameters with intervals, and the covariance of their coordinates. The scatter of specimens has the
-    degrees of freedom that their number gives (Welch and Satterthwaite)."""
+    """Return parameters with intervals (Welch and Satterthwaite), and the covariance of their coordinates."""
     covariance = _covariance(noise.whitener(data, best.modelled)(best.slopes), best.prior)
     alone = Noise(absolute=noise.absolute, relative=noise.relative, scatter=0.0, repeats=noise.repeats)
     own = np.diag(_covariance(alone.whitener(data, best.modelled)(best.slopes), best.prior))

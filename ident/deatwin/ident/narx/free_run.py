@@ -45,8 +45,7 @@ def free_run(
 def innovations(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, equations: Sequence[int] | None = None
 ) -> Array:
-    """Return e(k) = y(k) - sum_m theta_m term_m(k), (n_outputs, n), from measured signals and past e, zero in the first
-    lags. If the noise model is not invertible, e grows and finally holds its last value."""
+    """Return e(k) = y(k) - sum_m theta_m term_m(k), (n_outputs, n), from measured signals and past e."""
     start, known = np.zeros_like(outputs, dtype=np.float64), {"u": inputs, "y": outputs}
     march = March.of(table.terms, known, "e", start, first=table.max_lag, equations=equations)
     return march.run(-np.asarray(theta), base=outputs)[0]
