@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from deatwin.ident.mismatch import INPUT_FILE, ExperimentPlan, Foreseen
+from deatwin.app.given import GivenPlant
+from deatwin.ident.mismatch import INPUT_FILE, ExperimentPlan, Foreseen, plan_experiment
 from deatwin.plant.amplitudes import amount, axis_label, written_unit
 from deatwin.plant.prefixes import with_unit
+from deatwin.plant.readoptions import ReadOptions
 from deatwin.plant.words import as_sentence, listed, spaced
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.provenance import RunRecord
+from deatwin.studies.provenance import RunRecord, hashes
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.quantities import raised, three_digits
 from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
 from deatwin.studies.voice import Progress
-
-if TYPE_CHECKING:
-    from deatwin.ident.mismatch import ExperimentPlan
-    from deatwin.studies.folder import ResultFolder
 
 
 def write_plan(found: ExperimentPlan, folder: ResultFolder, record: RunRecord) -> None:
@@ -133,12 +131,6 @@ def plan_into(
     folder: ResultFolder, command: Sequence[str], asked: Mapping[str, Any], progress: Progress
 ) -> ExperimentPlan:
     """Plan with the arguments of ``deatwin plan``, and write the results into the folder."""
-    from deatwin.app.given import GivenPlant
-    from deatwin.app.plan_report import write_plan
-    from deatwin.ident.mismatch import plan_experiment
-    from deatwin.plant.readoptions import ReadOptions
-    from deatwin.studies.provenance import RunRecord, hashes
-
     rig, commands, seed, jobs = asked["rig"], asked["commands"], asked["seed"], asked["jobs"]
     plant = GivenPlant.load(rig, ReadOptions.of(asked))
     record = None if commands is None else plant.commands(commands)

@@ -22,6 +22,7 @@ from deatwin.plant.rigs.rigkeys import (
     key_schema,
     length,
     mass,
+    number,
     spring_rate,
     stretch,
 )
@@ -132,15 +133,7 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
             about="A stack: films on top of each other that contract across their faces.",
             film={
                 "layers": NumberKey(field="layers", lower=1.0, upper=1e6, whole=True, about="number of films"),
-                "area_mm2": NumberKey(
-                    field="area",
-                    lower=0.01,
-                    upper=1e6,
-                    per_si=1e6,
-                    usual=(1.0, 2e5),
-                    slips=(("in m²", 1e6, 0.0),),
-                    about="of a film's electrode",
-                ),
+                "area_mm2": number("area", 0.01, 1e6, "of a film's electrode", unit="mm2", usual=(1.0, 2e5)),
             },
             load={"force_N": _FORCE, "mass_g": _MOVED},
             absent={"mass": 0.0, "load": 0.0},
@@ -236,14 +229,8 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
                 "frame_diameter_mm": length("frame_radius", "of the ring, inside", lower=1.0, per_si=2e3),
             },
             load={
-                "pressure_kPa": NumberKey(
-                    field="pressure",
-                    lower=1e-4,
-                    upper=1e3,
-                    per_si=1e-3,
-                    usual=(0.02, 100.0),
-                    slips=(("in Pa", 1e-3, 0.0), ("in bar", 1e2, 0.0), ("in MPa", 1e3, 0.0)),
-                    about="inside above that outside",
+                "pressure_kPa": number(
+                    "pressure", 1e-4, 1e3, "inside above that outside", unit="kPa", usual=(0.02, 100.0)
                 ),
                 "mass_g": mass("on the apex besides the film; 0 if left out", usual=_MARK),
             },
