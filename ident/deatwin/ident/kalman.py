@@ -27,7 +27,7 @@ from scipy.linalg import lapack, solve_triangular
 
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-from deatwin.plant.integrator.compiled import compile_source, compiler
+from deatwin.plant.integrator.compiled import compiler, load_source
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -340,10 +340,9 @@ def _tables(model: StateSpace) -> _Tables:
 @lru_cache(maxsize=4)
 def _kernel(_program: str | None) -> ctypes.CDLL | None:
     """Return the compiled kernel, or None if there is no compiler."""
-    library = compile_source(Path(__file__).with_name("kalman.c").read_text(encoding="utf-8"))
-    if library is None:
+    kernel = load_source(Path(__file__).with_name("kalman.c").read_text(encoding="utf-8"))
+    if kernel is None:
         return None
-    kernel = ctypes.CDLL(str(library))
     kernel.deatwin_filter.restype = ctypes.c_int64
     kernel.deatwin_filter.argtypes = (ctypes.c_void_p,) * 10
     kernel.deatwin_adjoint.restype = kernel.deatwin_smoother.restype = None

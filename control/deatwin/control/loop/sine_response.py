@@ -19,12 +19,12 @@ from deatwin.control.progress import Progress, part
 from deatwin.ident.arguments import keep_read_only
 from deatwin.plant.arrays import Array, Complex
 from deatwin.plant.copies import Rebuilt
+from deatwin.plant.integrator.march import March, marched, repeated
 from deatwin.plant.model import Plant
+from deatwin.plant.rest import rest_state
 
 if TYPE_CHECKING:
     from scipy.interpolate import RegularGridInterpolator
-from deatwin.plant.integrator.march import March, marched, repeated
-from deatwin.plant.rest import rest_state
 
 _SETTLE, _MEASURE = 2, 3  # Number of periods before the measurement, and in it
 _FEWEST = 40  # Least number of samples before the measurement, and in it

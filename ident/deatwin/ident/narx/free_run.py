@@ -23,7 +23,7 @@ from deatwin.ident.narx.shapes import SOURCES, Shape, switch_source
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.arrays import Array, Booleans, Integers
 from deatwin.plant.errors import ModelError
-from deatwin.plant.integrator.compiled import compile_source, compiler
+from deatwin.plant.integrator.compiled import compiler, load_source
 
 Factors = tuple[tuple[int, int], ...]  # Product of signals: for each factor the row of the signal and its lag
 
@@ -273,12 +273,8 @@ class _Terms(ctypes.Structure):
 @lru_cache(maxsize=4)
 def _kernel(_program: str | None) -> ctypes.CDLL | None:
     """Return the compiled kernel, or None if there is no compiler."""
-    library = compile_source(switch_source() + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
-    if library is None:
-        return None
-    try:
-        kernel = ctypes.CDLL(str(library))
-    except OSError:  # a cache folder that does not permit execution
+    kernel = load_source(switch_source() + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
+    if kernel is None:
         return None
     terms, integer, array = ctypes.c_void_p, ctypes.c_int64, ArrayPointer
     kernel.deatwin_run.restype = integer

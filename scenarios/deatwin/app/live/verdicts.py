@@ -1,24 +1,22 @@
-"""Verdicts in folders of results."""
+"""Verdicts in folders of results, and several of them side by side."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from deatwin.app.live.desk import RESULT, inside
+from deatwin.app.live.glance import DRAWING
 from deatwin.plant.amplitudes import written_unit
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.files.recordings import ENDINGS
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch import Diagnosis
-from collections.abc import Sequence
-
-from deatwin.app.live.glance import DRAWING
 
 RUN = "run.json"
 MOST_BYTES = 20_000_000
