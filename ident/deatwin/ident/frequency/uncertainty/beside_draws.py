@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.arguments import probability, read_only, whole_number
-from deatwin.ident.frequency import FrequencyResponse
-from deatwin.ident.frequency.response import Band
+from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyWarning, propagate
 from deatwin.ident.frequency.uncertainty.regions import (
     Quantity,
