@@ -23,6 +23,8 @@ from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
 
+_NAMED = 10  # most paths with a label of their own, as many as there are colours
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PruningStep(Described):
@@ -93,6 +95,25 @@ def draw_bounds(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
     )
     axes.set(xlabel="pruning step", ylabel="lower bound (nats)")
     axes.legend()
+    return axes
+
+
+def draw_relevance_paths(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
+    """Draw the relevance of each candidate over the pruning steps, until it is pruned."""
+    axes = axes_or_new(ax)
+    relevance = np.full((len(path), len(path[0].terms)), np.nan)
+    for row, step in zip(relevance, path, strict=True):
+        row[np.searchsorted(path[0].indices, step.indices)] = step.relevance
+    lasting = np.argsort(np.isnan(relevance).sum(axis=0), kind="stable")
+    steps = np.arange(1, len(path) + 1)
+    axes.plot(steps, relevance[:, lasting[_NAMED:]], color="0.75", linewidth=0.6)
+    for j in lasting[:_NAMED]:
+        axes.plot(steps, relevance[:, j], label=str(path[0].terms[j]))
+    bounds = [step.lower_bound for step in path]
+    axes.axvline(int(np.argmax(bounds)) + 1, color="0.4", linestyle="--", label="largest bound")
+    axes.set(yscale="log", xlabel="pruning step", ylabel="relevance 1/E[α]")
+    axes.set_xlim(0, 1.6 * len(path))  # room for the names beside the paths
+    axes.legend(fontsize="small", loc="upper right")
     return axes
 
 

@@ -140,6 +140,8 @@ def test_an_interrupt_before_anything_is_found_goes_on(monkeypatch):
 
 
 def test_pictures_mark_the_choice():
+    from deatwin.ident.narx.svb import draw_relevance_paths
+
     svb = SvbNarx(clean_up="none").fit(bilinear())
     line, mark = svb.plot().get_lines()
     np.testing.assert_array_equal(line.get_ydata(), [step.lower_bound for step in svb.path_])
@@ -148,3 +150,5 @@ def test_pictures_mark_the_choice():
     kept, pruned, *_ = first.plot().get_lines()
     assert set(kept.get_xdata()) == set(svb.path_[1].indices)
     assert set(kept.get_xdata()) | set(pruned.get_xdata()) == set(range(15))
+    labels = [line.get_label() for line in draw_relevance_paths(svb.path_).get_lines()]
+    assert {str(term) for term in svb.terms_} <= set(labels)
