@@ -15,8 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from stopwatch import timed
 
-from deatwin.ident.kalman import adjoint, kalman_filter, kalman_smoother
-from deatwin.ident.state_space import StateSpace
+from deatwin.ident.kalman import StateSpace, adjoint, kalman_filter, kalman_smoother
 
 STATES, SAMPLES = 15, 55_000
 

@@ -27,8 +27,8 @@ from stopwatch import timed
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant import CoulombFriction, Plant, Reading, SensorLag
 from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.fleet import thesis_plant
 from deatwin.plant.simulate import Simulator
-from deatwin.plant.thesis import thesis_plant
 
 SECONDS, STRETCH = 1000.0, 10.0
 ACCURACY = 0.05e-6
@@ -169,7 +169,7 @@ def memory() -> None:
         "import numpy as np\n"
         "from deatwin.plant import Experiment, Recording\n"
         "from deatwin.plant.excitation import band_limited_noise\n"
-        "from deatwin.plant.thesis import thesis_plant\n"
+        "from deatwin.plant.fleet import thesis_plant\n"
         "def peak():\n"
         "    lines = open('/proc/self/status').read().splitlines()\n"
         "    return next(float(l.split()[1]) / 1024 for l in lines if l.startswith('VmHWM'))\n"
@@ -187,7 +187,7 @@ def warm_start() -> None:
     """From a fresh process to the first simulated samples, with compiled code in the cache."""
     code = (
         "import time; t = time.perf_counter()\n"
-        "import numpy as np; from deatwin.plant.thesis import thesis_plant; a = time.perf_counter()\n"
+        "import numpy as np; from deatwin.plant.fleet import thesis_plant; a = time.perf_counter()\n"
         "plant = thesis_plant(); plant.simulator.run(np.ones(10), start=0.0, sample_time=0.02, rest_command=0.0,"
         " values=plant.free_values)\n"
         "print(a - t, time.perf_counter() - a)"

@@ -31,7 +31,7 @@ READERS = (
     "deatwin.plant.records",
     "deatwin.plant.rigs",
     "deatwin.plant.safe_read",
-    "deatwin.plant.schemacheck",
+    "deatwin.plant.documents",
 )
 """How the names of modules begin that read files; instrumenting the other 600 takes longer than the fuzzing."""
 

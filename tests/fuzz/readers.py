@@ -28,12 +28,12 @@ from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.narx.validate import Validation, validate
 from deatwin.ident.nss import NonlinearStateSpace
 from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.documents import shipped_schema
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.files import read_experiment, read_recordings, write_recording
 from deatwin.plant.files.formats import apart
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
-from deatwin.plant.schemacheck import shipped_schema
 
 SEEDS = Path(__file__).parent / "seeds"
 SECONDS = 20  # for one file of a few kilobytes; a second is much

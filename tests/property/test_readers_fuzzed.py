@@ -19,10 +19,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from deatwin.plant.documents import shape_fault, shipped_schema
 from deatwin.plant.errors import DeatwinError, RigError
 from deatwin.plant.rigs.rigfile import RigFile
 from deatwin.plant.rigs.rigkinds import rig_schema
-from deatwin.plant.schemacheck import shape_fault, shipped_schema
 
 FUZZ = Path(__file__).parents[1] / "fuzz"
 MODULES = ("readers", "mutations")

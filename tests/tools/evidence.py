@@ -35,8 +35,7 @@ from deatwin.scenarios.concealed_physics.page import summary
 from deatwin.scenarios.concealed_physics.results import NO_CASE, score
 from deatwin.scenarios.control_check.trials import Outcome, caught, inside, sound
 from deatwin.studies.rates import Rate
-from deatwin.studies.sweep.casefile import CASE_ENDING, read_case
-from deatwin.studies.sweep.store import read_object
+from deatwin.studies.sweep.store import CASE_ENDING, read_case, read_object
 
 TRIALS = "deatwin/control-trials/1"
 STUDY, LONG_STUDY = "concealed-physics", "concealed-physics-long"

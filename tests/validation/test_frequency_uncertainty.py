@@ -13,8 +13,8 @@ import pytest
 from scipy import stats
 
 from deatwin.ident.frequency import FrequencyResponse, gfrf
+from deatwin.ident.frequency.uncertainty.beside_draws import sample
 from deatwin.ident.frequency.uncertainty.propagate import UncertaintyWarning, propagate
-from deatwin.ident.frequency.uncertainty.sampling import sample
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.scenarios.frequency_uncertainty.study import BILINEAR, CASES, covered, spectra, spreads

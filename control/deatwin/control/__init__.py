@@ -28,8 +28,7 @@ from deatwin.control.linear.family import LinearFamily, linearise_many
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import draw_plants, linearise_plant, linearise_plants
-from deatwin.control.linear.schedule import GainSchedule, gain_schedule
-from deatwin.control.linear.varying import VaryingLinear, linearise_along
+from deatwin.control.linear.schedule import GainSchedule, VaryingLinear, gain_schedule, linearise_along
 from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
 from deatwin.control.loop.predicted import PredictedLoop, predict_loop
 from deatwin.control.loop.references import sine_reference, step_reference, tone_reference

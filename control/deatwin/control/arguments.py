@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from math import isfinite
 from typing import Any
 
@@ -17,6 +18,9 @@ from deatwin.plant.arguments import of_plain_data as of_plain_data
 from deatwin.plant.arguments import require_fields as require_fields
 from deatwin.plant.arguments import taking as taking
 from deatwin.plant.errors import ModelError
+
+instance, each = partial(of_class, error=ControlError), partial(each_of, error=ControlError)
+"""The checks of `deatwin.plant.arguments` with the error of this package."""
 
 
 def numbers(value: Any, name: str) -> None:
@@ -97,16 +101,6 @@ def whole(least: int) -> Check:
             raise ControlError(f"{name} must be an integer of at least {least}; got {shown}")
 
     return check
-
-
-def instance(*kinds: type, hint: str = "") -> Check:
-    """Return a check that accepts only objects of given classes."""
-    return of_class(*kinds, hint=hint, error=ControlError)
-
-
-def each(check: Check) -> Check:
-    """Return a check that applies another check to every member of a sequence."""
-    return each_of(check, ControlError)
 
 
 def generator(value: Any, name: str) -> None:

@@ -53,8 +53,7 @@ def moving_mean(values: ArrayLike, samples: int) -> Array:
 def mean_shift(
     commands: ArrayLike, readings: ArrayLike, sample_time: float, early: Window, late: Window, block: float = 5.0
 ) -> Shift:
-    """Return the shift of the mean between two windows at the same input. Lines of the readings over what command and
-    rate explain (`at_same_input`) are compared, because the mean of 100 s of noise wanders by itself."""
+    """Return the shift of the mean at the same input: lines of the readings over what command and rate explain."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     expected = _expected(u, y, sample_time)
     found, variance = [], 0.0

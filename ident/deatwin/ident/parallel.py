@@ -24,8 +24,7 @@ PARENT = os.getppid()  # Parent process; of a worker, the one that wants its res
 
 
 def one_thread(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Return a function that takes one BLAS thread: more wait for each other on tall and narrow matrices, compete with
-    other workers, and round differently."""
+    """Return a function that takes one BLAS thread, because more compete with other workers and round differently."""
 
     @wraps(function)
     def in_one_thread(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:

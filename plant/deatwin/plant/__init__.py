@@ -9,7 +9,7 @@ from deatwin.plant.datasheets import Amplifier, Converter, Laser, Part, quantise
 from deatwin.plant.effects import *  # noqa: F403  (its names stand there once)
 from deatwin.plant.errors import DataError, DeatwinError, ModelError, RigError, SimulationError
 from deatwin.plant.files import read_experiment, read_recording
-from deatwin.plant.fleet import Actuator, History, Tolerance, fleet, specification
+from deatwin.plant.fleet import Actuator, History, Tolerance, fleet, specification, thesis_plant
 from deatwin.plant.limits import Event
 from deatwin.plant.material import MATERIALS, Branch, Material
 from deatwin.plant.model import Plant
@@ -34,7 +34,6 @@ from deatwin.plant.simulate import RunStatus
 from deatwin.plant.simulation import Simulation
 from deatwin.plant.sources import load_plant
 from deatwin.plant.supply import Supply
-from deatwin.plant.thesis import thesis_plant
 
 __all__ = [
     "MATERIALS",

@@ -128,10 +128,7 @@ def _published() -> tuple[Material, ...]:
 
 
 def _in_rigs(material: Material) -> Material:
-    """Return a material whose moduli have ranges from half the lowest to twice the highest published value.
-
-    Errors in the thickness, prestretch and gain that are stated of a rig act like other moduli and permittivities.
-    """
+    """Return a material whose moduli range from half the lowest to twice the highest published value."""
     moduli = (
         replace(p, lower=p.lower / 2, upper=p.upper * 2) if p.scale is Scale.LOGARITHMIC and p.unit == "Pa" else p
         for p in material.elastic

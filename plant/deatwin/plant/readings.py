@@ -76,8 +76,7 @@ def readings_from(described: Any) -> tuple[Reading, ...]:
 
 
 def combined(rows: np.ndarray, sample_time: float) -> np.ndarray:
-    """Return l_k + s_k (q_k - q_{k-1}) / h, so a rate is its mean over a sample and its sum telescopes. Shapes: `rows`
-    (m, 3 k) of l, q and s at the ends of samples; returns (m, k); nothing flows before the first."""
+    """Return l_k + s_k (q_k - q_{k-1}) / h. Shapes: `rows` (m, 3 k) of l, q, s at ends of samples; returns (m, k)."""
     level, stored, share = np.split(rows, ROWS, axis=1)
     return level + share * _risen(stored) / sample_time
 

@@ -39,10 +39,7 @@ FINE = 1e-6  # Least noise that counts, relative to the range of the readings, b
 
 
 def resolved(plant: Plant, experiments: Sequence[Experiment], hidden: float = 0.0) -> Plant:
-    """Return a plant with as many steps as its first reading needs; warn if an error larger than the noise remains.
-
-    `hidden` as for `followed_plant`.
-    """
+    """Return a plant with as many steps as its first reading needs; warn if an error larger than the noise remains."""
     followed, error = followed_plant(plant, experiments, hidden)
     if error > plant.rig.noise:
         logger.warning(
@@ -60,9 +57,7 @@ def solved_like(plant: Plant, other: Plant) -> Plant:
 
 
 def followed_plant(plant: Plant, experiments: Sequence[Experiment], hidden: float = 0.0) -> tuple[Plant, float]:
-    """Return a plant with as many steps as its first reading needs, and 0; or with the best number, and its largest
-    error, SI. An rms error that is `hidden` by others, SI, needs no more steps.
-    """
+    """Return a plant with enough steps for its first reading, and the error that remains, SI, beside a `hidden` one."""
     if not plant.rig.equations_known:
         return plant, 0.0
     modes = free_modes(plant)

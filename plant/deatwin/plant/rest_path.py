@@ -118,8 +118,7 @@ def inputs_at(equations: Equations, inputs: np.ndarray, begin: float, middle: fl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampleFunctions:
-    """Functions of a sample, not compiled: `dynamics` ``(w, d, u, t, p, c) -> ((f; g), by w, by u)``, `resting` with
-    integrals as at its end, `output` the reading."""
+    """Functions of a sample: `dynamics` ``(w, d, u, t, p, c) -> ((f; g), by w, by u)``, `resting`, `output`."""
 
     dynamics: ca.Function
     resting: ca.Function

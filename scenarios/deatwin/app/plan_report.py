@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
-from deatwin.ident.mismatch import INPUT_FILE, ExperimentPlan, Foreseen
+from deatwin.app.given import GivenPlant
+from deatwin.ident.mismatch import INPUT_FILE, ExperimentPlan, Foreseen, plan_experiment
 from deatwin.plant.amplitudes import amount, axis_label, written_unit
 from deatwin.plant.prefixes import with_unit
+from deatwin.plant.readoptions import ReadOptions
 from deatwin.plant.words import as_sentence, listed, spaced
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.provenance import RunRecord
+from deatwin.studies.provenance import RunRecord, hashes
 from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.quantities import raised, three_digits
 from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
+from deatwin.studies.voice import Progress
 
 
 def write_plan(found: ExperimentPlan, folder: ResultFolder, record: RunRecord) -> None:
@@ -120,3 +125,19 @@ def _outcome(one: Foreseen) -> str:
     if not one.visible:
         return "not detected"
     return f"not distinguished from {listed(list(map(spaced, one.alike)))}" if one.alike else "detected"
+
+
+def plan_into(
+    folder: ResultFolder, command: Sequence[str], asked: Mapping[str, Any], progress: Progress
+) -> ExperimentPlan:
+    """Plan with the arguments of ``deatwin plan``, and write the results into the folder."""
+    rig, commands, seed, jobs = asked["rig"], asked["commands"], asked["seed"], asked["jobs"]
+    plant = GivenPlant.load(rig, ReadOptions.of(asked))
+    record = None if commands is None else plant.commands(commands)
+    files = [Path(name) for name in (rig, commands) if name is not None and Path(name).is_file()]
+    run = RunRecord(command=command, inputs=hashes(files), seed=seed, jobs=jobs)
+    found = plan_experiment(
+        plant.model.plant, record, seconds=asked["seconds"], jobs=jobs, seed=seed, progress=progress
+    )
+    write_plan(found, folder, run)
+    return found

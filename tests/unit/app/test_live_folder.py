@@ -12,10 +12,9 @@ from made_diagnoses import DIAGNOSIS
 
 from deatwin.app.cli import main
 from deatwin.app.live import desk
-from deatwin.app.live.comparison import compare
 from deatwin.app.live.desk import Desk, free_name, inside, keep_upload, safe_name
 from deatwin.app.live.glance import glance
-from deatwin.app.live.verdicts import Verdict
+from deatwin.app.live.verdicts import Verdict, compare
 from deatwin.ident.look import look_at
 from deatwin.plant import load_plant
 from deatwin.plant.errors import DataError, DeatwinError

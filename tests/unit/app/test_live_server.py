@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from deatwin.app.cli import main
-from deatwin.app.live.guard import Guard
+from deatwin.app.live.serve import Guard
 
 pytestmark = pytest.mark.extras
 

@@ -9,8 +9,7 @@ from made_models import linear_model
 from deatwin.control import StaticCurve
 from deatwin.control.linear.family import LinearFamily
 from deatwin.control.linear.model import LinearModel
-from deatwin.control.linear.schedule import GainSchedule
-from deatwin.control.linear.varying import VaryingLinear
+from deatwin.control.linear.schedule import GainSchedule, VaryingLinear
 from deatwin.control.stability.bands import band_margins
 from deatwin.control.stability.limit_cycles import limit_cycles
 

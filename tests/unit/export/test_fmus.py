@@ -24,8 +24,8 @@ from deatwin.plant.export import archive
 from deatwin.plant.export.cosimulation import export_cosimulation
 from deatwin.plant.export.model_exchange import export_model_exchange
 from deatwin.plant.export.plant_step import plant_source
+from deatwin.plant.fleet import thesis_plant
 from deatwin.plant.rigs.planar import Planar
-from deatwin.plant.thesis import thesis_plant
 
 pytestmark = pytest.mark.extras
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from nile import NILE
 
-from deatwin.ident.kalman import adjoint, kalman_filter, kalman_smoother
-from deatwin.ident.kalman_loops import advance_root, update_root
-from deatwin.ident.state_space import StateSpace
+from deatwin.ident.kalman import StateSpace, adjoint, advance_root, kalman_filter, kalman_smoother, update_root
 from deatwin.plant.errors import ModelError
 
 

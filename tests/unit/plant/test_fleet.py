@@ -7,8 +7,7 @@ import pytest
 from slopes import slope_errors
 
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
-from deatwin.plant.fleet import HISTORIES, TOLERANCES, fleet, specification
-from deatwin.plant.grease_ridge import GreaseRidge
+from deatwin.plant.fleet import HISTORIES, TOLERANCES, GreaseRidge, fleet, specification
 
 STEP = 0.02
 

@@ -14,8 +14,14 @@ from deatwin.app import stories
 from deatwin.app.cli import main
 from deatwin.plant.errors import DataError
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.public.columns import csv_columns, hdf5_vectors, matlab_vectors
-from deatwin.studies.public.records import cascaded_tanks, emps, silverbox_table
+from deatwin.studies.public.records import (
+    cascaded_tanks,
+    csv_columns,
+    emps,
+    hdf5_vectors,
+    matlab_vectors,
+    silverbox_table,
+)
 from deatwin.studies.public.sources import SOURCES, data_folder, origins
 from deatwin.studies.stories import Story
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.io import netcdf_file
 
 from deatwin.plant.errors import DataError
-from deatwin.studies.sweep.casefile import decode, encode, read_case, write_case
+from deatwin.studies.sweep.store import decode, encode, read_case, write_case
 
 CASE: dict[str, Any] = {
     "name": "größe 3 µm",

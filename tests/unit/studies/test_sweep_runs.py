@@ -21,10 +21,9 @@ from joblib import parallel_config
 from deatwin.plant import Experiment, Recording, thesis_plant
 from deatwin.plant.errors import DataError
 from deatwin.studies.sweep import grid, open_study, run_study
-from deatwin.studies.sweep.casefile import decode
 from deatwin.studies.sweep.run import run_sweep
 from deatwin.studies.sweep.seal import SweepSeal
-from deatwin.studies.sweep.store import CaseStore, exclusive_lock
+from deatwin.studies.sweep.store import CaseStore, decode, exclusive_lock
 
 ROOT = Path(__file__).parents[3]
 SEAL = SweepSeal(schema="deatwin/test-case/1", parts={"seed": 1})

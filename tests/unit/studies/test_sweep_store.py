@@ -6,9 +6,8 @@ import pytest
 
 from deatwin.plant.errors import DataError
 from deatwin.studies.sweep import store as storing
-from deatwin.studies.sweep.casefile import decode, encode
 from deatwin.studies.sweep.seal import SweepSeal
-from deatwin.studies.sweep.store import CaseStore
+from deatwin.studies.sweep.store import CaseStore, decode, encode
 
 SEAL = SweepSeal(schema="deatwin/test-case/1", parts={"seed": 1})
 NAMES = [f"case-{number:02d}" for number in range(24)]

@@ -15,7 +15,7 @@ from deatwin.app.stories import stories
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.control_check.trials import Outcome, Trials
 from deatwin.studies.public.black_boxes import LINEAR
-from deatwin.studies.sweep.casefile import write_case
+from deatwin.studies.sweep.store import write_case
 
 DOCS = Path(__file__).parents[3] / "docs"
 

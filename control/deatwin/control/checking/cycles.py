@@ -15,7 +15,6 @@ from deatwin.control.controllers.base import Controller, room_of
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.loop.sine_response import SineResponse, sine_response
 from deatwin.control.progress import Progress
-from deatwin.control.stability.describing import quantiser, saturation
 from deatwin.control.stability.limit_cycles import LimitCycle, LimitCycles, limit_cycles
 from deatwin.control.stability.loops import loop_margins
 from deatwin.control.stability.polynomials import in_series
@@ -161,3 +160,17 @@ def _after(room: float, cycle: LimitCycle, linear: LinearModel) -> float:
 
 def _between(omega: Array) -> Array:
     return np.geomspace(omega[0], omega[-1], _FINE)
+
+
+def saturation(limit: float, amplitude: Array) -> Complex:
+    """Return N of a saturation, with a gain of one up to a limit. Shapes: returns that of `amplitude`."""
+    x = np.minimum(limit / amplitude, 1.0)
+    return np.asarray(2.0 / np.pi * (np.arcsin(x) + x * np.sqrt(1.0 - x**2)), dtype=np.complex128)
+
+
+def quantiser(step: float, amplitude: Array) -> Complex:
+    """Return N of rounding to multiples of a step, shaped as `amplitude`: a relay of one step at each edge."""
+    ratio = np.asarray(amplitude / step)[..., None]
+    edges = np.arange(np.floor(ratio.max() + 0.5)) + 0.5
+    gain = np.sum(np.sqrt(np.maximum(1.0 - (edges / ratio) ** 2, 0.0)), axis=-1)
+    return np.asarray(4.0 / (np.pi * ratio[..., 0]) * gain, dtype=np.complex128)

@@ -157,3 +157,19 @@ def _values(top: Array, bottom: Array, places: Places) -> tuple[Complex, NDArray
         at = values[0] / values[1]
     pole = ~above_rounding[1] & (sizes[0] >= _POLE * sizes[1])
     return at, above_rounding[0] & ~pole
+
+
+def bandwidth_Hz(omega: Array, loops: NDArray[np.complex128]) -> Array:
+    """Return the frequency at which abs(L/(1 + L)) first falls below -3 dB, else the last, (n,) Hz; `loops` (n, k)."""
+    closed = np.abs(loops / (1.0 + loops))
+    below = closed < np.sqrt(0.5)
+    first = np.where(below.any(axis=1), below.argmax(axis=1), omega.size - 1)
+    found = np.empty(len(loops))
+    for n, k in enumerate(first):
+        if k == 0:
+            found[n] = omega[0]
+            continue
+        pair = np.log(closed[n, k - 1 : k + 1])
+        share = np.clip((np.log(np.sqrt(0.5)) - pair[0]) / (pair[1] - pair[0]), 0.0, 1.0)
+        found[n] = np.exp(np.log(omega[k - 1]) + share * np.log(omega[k] / omega[k - 1]))
+    return np.asarray(found / (2 * np.pi))

@@ -12,8 +12,8 @@ from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.response import Band, FrequencyResponse, FrequencyStatus
 from deatwin.ident.frequency.spectrum import output_orders, output_spectrum
+from deatwin.ident.frequency.uncertainty.beside_draws import Sampled, SampleStatus, sample
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
-from deatwin.ident.frequency.uncertainty.sampling import Sampled, SampleStatus, sample
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.frequency.varying.following import hold_equilibrium
 from deatwin.ident.frequency.varying.response import VaryingResponse, VaryingStatus

@@ -20,8 +20,7 @@ from deatwin.ident.greybox.filter_foreign import linearise
 from deatwin.ident.greybox.filter_linear import Floor, Linear
 from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.parts import Part
-from deatwin.ident.kalman import Filtered, kalman_filter, kalman_smoother
-from deatwin.ident.state_space import StateSpace
+from deatwin.ident.kalman import Filtered, StateSpace, kalman_filter, kalman_smoother
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant

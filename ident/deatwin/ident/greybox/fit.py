@@ -14,13 +14,11 @@ from deatwin.ident.arguments import positive, real_number, whole_number
 from deatwin.ident.greybox.covariance import RANK, covariance
 from deatwin.ident.greybox.minimum import CLOSE, EVALUATIONS, Interrupted, minimise, settled_at
 from deatwin.ident.greybox.parts import Records, parts_of
-from deatwin.ident.greybox.problem import Problem, Response
+from deatwin.ident.greybox.problem import Problem, Progress, Response, Watch, unwatched
 from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least, with_better
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.survey import survey
 from deatwin.ident.greybox.tangent import least_within, linearised_rms
-from deatwin.ident.greybox.watch import Progress, Watch, unwatched
-from deatwin.ident.greybox.wording import described, known_together
 from deatwin.plant.arguments import each, instance
 from deatwin.plant.arrays import texts
 from deatwin.plant.calibrated import TWO_SIDED_95
@@ -436,3 +434,32 @@ def _impossible(problem: Problem) -> Calibration:
         evaluations=1,
         fault=f"the plant cannot be simulated at its starting values: {fault}",
     )
+
+
+ALIKE = 0.95
+"""Correlation above which an interval is more than three times as long as it would be if the other parameter were
+known."""
+
+
+def described(parameter: Parameter, interval: tuple[float, float] | None, others: Sequence[float], bound: str) -> str:
+    """Describe a parameter in one line: its interval, or None if undetermined, and other equally good values."""
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    known = "undetermined" if interval is None else _range(parameter, *interval)
+    other = "".join(f", or {value:.6g}" for value in others)
+    return f"{parameter.name} = {parameter.value:.6g}{unit} ({known}{bound}){other}"
+
+
+def _range(parameter: Parameter, low: float, high: float) -> str:
+    """Write an interval in words; an end of the allowed range does not come from the readings."""
+    if low <= parameter.lower:
+        return f"{high:.4g} or less"
+    return f"{low:.4g} to {high:.4g}" if high < parameter.upper else f"{low:.4g} or more"
+
+
+def known_together(names: tuple[str, ...], covariance: np.ndarray) -> list[str]:
+    """Return pairs of parameters of which one is known much better if the other is known; (n, n)."""
+    deviations = np.sqrt(np.diag(covariance))
+    sizes = np.outer(deviations, deviations)
+    alike = np.divide(covariance, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
+    pairs = [(j, k) for j, k in zip(*np.triu_indices(len(names), 1), strict=True) if abs(alike[j, k]) > ALIKE]
+    return [f"{names[j]} and {names[k]} (correlation {alike[j, k]:.4f})" for j, k in pairs]

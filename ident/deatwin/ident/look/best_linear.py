@@ -203,8 +203,7 @@ def _settling(outputs: Complex) -> int:
 
 
 def _distinct(runs: Sequence[_Realisation], n: int) -> list[_Realisation]:
-    """Return realisations with different inputs, after joining those that start the same signal at different times, also
-    between samples; periods have `n` samples."""
+    """Join realisations that start the same signal at different times; periods have `n` samples."""
     distinct: list[_Realisation] = []
     for run in runs:
         mean = run.inputs.mean(axis=0)
@@ -265,8 +264,7 @@ def _least(
     realisations: int,
     free: int,
 ) -> float:
-    """95 % lower bound of a group's rms distortion, NaN if unknown: powers make an F variable (Satterthwaite). Shapes:
-    lines (n_all,), `of_one` (n_excited,); `free` is the number of periods less realisations."""
+    """95 % lower bound of a group's rms distortion, NaN if unknown. Shapes: (n_all,), `of_one` (n_excited,)."""
     from scipy.special import fdtri
 
     own = group[excited]

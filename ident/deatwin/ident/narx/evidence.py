@@ -139,8 +139,7 @@ class _Fit:
         return self._gains(self.moment, self.beyond)
 
     def gains_without(self) -> Array:
-        """Return the gain of each candidate once a term is removed, (n_terms, n_candidates). A candidate regains its
-        share of the term's own component, whose square is 1 / inverse and whose product with y is theta / inverse."""
+        """Return the gain of each candidate once a term is removed, (n_terms, n_candidates)."""
         back = self.shares / self.inverse[:, None]
         return self._gains(self.moment + back * self.theta[:, None], self.beyond + back * self.shares)
 

@@ -98,13 +98,18 @@ class Excitation:
     @classmethod
     def joined(cls, several: Iterable[Self]) -> Self:
         """Return the union of the bands of `several` excitations, at least one."""
-        merged: list[Band] = []
-        for low, high in sorted(band for one in several for band in one.bands):
-            if merged and low <= merged[-1][1]:
-                merged[-1] = (merged[-1][0], max(merged[-1][1], high))
-            else:
-                merged.append((low, high))
-        return cls(bands=tuple(merged))
+        return cls(bands=tuple(union_of(band for one in several for band in one.bands)))
+
+
+def union_of(bands: Iterable[Band], near: float = 0.0) -> list[Band]:
+    """Join bands that overlap, touch, or lie within `near` of each other."""
+    joined: list[Band] = []
+    for low, high in sorted(bands):
+        if joined and low <= joined[-1][1] + near:
+            joined[-1] = (joined[-1][0], max(joined[-1][1], high))
+        else:
+            joined.append((low, high))
+    return joined
 
 
 def excited_band(recording: Recording) -> float:

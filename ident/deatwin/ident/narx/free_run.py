@@ -23,7 +23,7 @@ from deatwin.ident.narx.shapes import SOURCES, Shape, switch_source
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.arrays import Array, Booleans, Integers
 from deatwin.plant.errors import ModelError
-from deatwin.plant.integrator.compiled import compile_source, compiler
+from deatwin.plant.integrator.compiled import compiler, load_source
 
 Factors = tuple[tuple[int, int], ...]  # Product of signals: for each factor the row of the signal and its lag
 
@@ -45,8 +45,7 @@ def free_run(
 def innovations(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, equations: Sequence[int] | None = None
 ) -> Array:
-    """Return e(k) = y(k) - sum_m theta_m term_m(k), (n_outputs, n), from measured signals and past e, zero in the first
-    lags. If the noise model is not invertible, e grows and finally holds its last value."""
+    """Return e(k) = y(k) - sum_m theta_m term_m(k), (n_outputs, n), from measured signals and past e."""
     start, known = np.zeros_like(outputs, dtype=np.float64), {"u": inputs, "y": outputs}
     march = March.of(table.terms, known, "e", start, first=table.max_lag, equations=equations)
     return march.run(-np.asarray(theta), base=outputs)[0]
@@ -274,12 +273,8 @@ class _Terms(ctypes.Structure):
 @lru_cache(maxsize=4)
 def _kernel(_program: str | None) -> ctypes.CDLL | None:
     """Return the compiled kernel, or None if there is no compiler."""
-    library = compile_source(switch_source() + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
-    if library is None:
-        return None
-    try:
-        kernel = ctypes.CDLL(str(library))
-    except OSError:  # a cache folder that does not permit execution
+    kernel = load_source(switch_source() + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
+    if kernel is None:
         return None
     terms, integer, array = ctypes.c_void_p, ctypes.c_int64, ArrayPointer
     kernel.deatwin_run.restype = integer

@@ -108,8 +108,7 @@ class Identifier:
         return rebuilt, (own_functions(repr(self)), copyreg.__newobj__, (type(self),)), vars(self)  # type: ignore[attr-defined]
 
     def score(self, recordings: Recordings, y: None = None) -> float:
-        """Return the coefficient of determination of free runs over `recordings`, ``1 - sum (y - yhat)^2 / sum (y -
-        mean y)^2``, the mean of all outputs; minus infinity if a run diverges. `y` is scikit-learn's, and unused."""
+        """Return the coefficient of determination of free runs, the mean of all outputs; `y` is unused."""
         if not hasattr(self, "model_"):
             raise ModelError(f"this {type(self).__name__} is not fitted; call fit first")
         runs = [self.model_.simulate(record) for record in flatten(recordings)]

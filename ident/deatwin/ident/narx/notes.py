@@ -118,9 +118,7 @@ def _whitened(signals: Sequence[Array]) -> list[Array]:
 
 
 def _scores(inputs: Sequence[Array], outputs: Sequence[Array], most: int) -> Array:
-    """Return correlations of the output with an earlier input, (most + 1,), in standard deviations: those of
-    independent signals or, if larger, White's (1980, doi:10.2307/1912934), which allow for samples at which a held
-    input jumps."""
+    """Correlations of the output with an earlier input, (most + 1,), in deviations (White, doi:10.2307/1912934)."""
     power = float(np.mean(np.concatenate(outputs) ** 2))
     found = np.zeros(most + 1)
     for lag in range(most + 1):

@@ -11,14 +11,13 @@ from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
 from deatwin.ident.arguments import positive, real_number
-from deatwin.ident.kalman import Filtered, adjoint, kalman_filter, kalman_smoother
+from deatwin.ident.kalman import Filtered, StateSpace, adjoint, kalman_filter, kalman_smoother
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, Regression, flatten, require_no_target
 from deatwin.ident.narx.terms import Term
 from deatwin.ident.narx.trajectory import ThetaTrajectory
-from deatwin.ident.state_space import StateSpace
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Experiment, Recording

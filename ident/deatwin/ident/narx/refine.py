@@ -365,8 +365,7 @@ def _refined(model: NarxModel, slopes: Array, errors: Array, joined: Joined, tol
 
 
 def with_correlated_error(model: NarxModel, recordings: Sequence[Recording]) -> NarxModel:
-    """Return a model of least free-run error with the covariance of errors that are correlated in time, (S'S)^-1 S'RS
-    (S'S)^-1: S are the sensitivities, and R is that of the autoregressive process that fits the errors best."""
+    """Return a model of least free-run error with the covariance (S'S)^-1 S'RS (S'S)^-1 for correlated errors."""
     from scipy.linalg import matmul_toeplitz
 
     slopes, errors = tangent(model, joined := Joined.of(model, recordings))

@@ -95,9 +95,7 @@ def _columns(inputs: Array, outputs: Array, most: int, first_lag: int) -> Array:
 
 
 def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple[Array, Array]]) -> bool:
-    """Return whether no loop holds the pole's mode, or whether in 19 of 20 cases the mode would have left the outputs'
-    span while inputs stood still. `drive` (n_outputs,) is in standard deviations per sample; a plant resting on a stop
-    counts as stable."""
+    """Return whether the mode, left alone, would have left the span of the outputs. Shapes: `drive` (n_outputs,)."""
     rate = float(np.log(max(found.interval[0], 1.0)))
     if rate == 0.0 or rate > np.log(_FASTEST):
         return rate > 0.0

@@ -132,8 +132,7 @@ class Basis:
 
     @cached_property
     def tables(self) -> tuple[Integers, Integers, Array, Integers] | None:
-        """The kernel's tables, None if a function is the user's: first factors (n_regressors + 1,); variable, power and
-        function (n_factors, 3); their numbers (n_factors, 2); levels (n_regressors,)."""
+        """Kernel tables: first factors; variable, power and function; numbers; levels. None for users' functions."""
         factors = [factor for term in self.terms for factor in term]
         if any(factor.shape is not None and factor.shape.name not in SOURCES for factor in factors):
             return None

@@ -21,7 +21,7 @@ from deatwin.ident.narx.shapes import switch_source
 from deatwin.ident.nss.basis import Basis
 from deatwin.ident.nss.document import WEIGHTS
 from deatwin.plant.arrays import Array
-from deatwin.plant.integrator.compiled import compile_source, compiler
+from deatwin.plant.integrator.compiled import compiler, load_source
 
 Mask = NDArray[np.bool_]
 
@@ -169,10 +169,9 @@ class _Tables(ctypes.Structure):
 @lru_cache(maxsize=4)
 def _kernel(_program: str | None) -> ctypes.CDLL | None:
     """Return the compiled kernel, or None if there is no compiler."""
-    library = compile_source(switch_source() + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
-    if library is None:
+    kernel = load_source(switch_source() + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
+    if kernel is None:
         return None
-    kernel = ctypes.CDLL(str(library))
     kernel.deatwin_states.restype = ctypes.c_int64
     kernel.deatwin_states.argtypes = (ctypes.c_void_p, ctypes.c_int64, *(ArrayPointer,) * 5)
     return kernel

@@ -14,8 +14,7 @@ from deatwin.plant.parameters import Parameter
 
 @dataclass(frozen=True, kw_only=True)
 class FreeForm(Effect):
-    """Add S sum_k c_k phi_k, functions of one signal with and without memory, to that signal; off at S = 0. It has no
-    physical meaning, so it is not in the catalogue. A fit moves c_k and the shapes, S is held."""
+    """Add S sum_k c_k phi_k, functions of one signal, to that signal; a fit moves c_k and the shapes, and holds S."""
 
     size: float = 1e-3  # Strength S, in the unit of the signal
     terms: tuple[Primitive, ...] = (Power(variable="displacement", scale=1e-4, order=3),)

@@ -76,8 +76,7 @@ def slow_cycles(
 def spectral_peaks(
     timepts: np.ndarray, residual: np.ndarray, band: tuple[float, float], count: int = 4
 ) -> tuple[float, ...]:
-    """Return peaks of Welch's spectrum in a `band`, Hz, highest first; none above half the sampling rate, and none for
-    fewer than 64 samples."""
+    """Return peaks of Welch's spectrum in a `band`, Hz, highest first; none for fewer than 64 samples."""
     from scipy.signal import find_peaks, welch
 
     if residual.size < 64:

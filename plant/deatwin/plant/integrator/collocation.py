@@ -74,9 +74,7 @@ def step_functions(equations: Equations) -> StepFunctions:
 
 
 def _begun(step: ca.Function, rows: Sequence[int], equations: Equations, place: int) -> ca.Function:
-    """Return a step that first zeroes a sample's integrals and passes values on, if it starts at the time in input
-    `place`. `rows` are the arguments with a row for each state: the states, and their derivatives.
-    """
+    """Return a step that zeroes integrals at the start of a sample; `rows` are its arguments, one for each state."""
     arguments = step.mx_in()
     u, t, h = arguments[-5:-2]
     begins = t - u[place] < h / 2  # false for a shorter step that continues within a sample

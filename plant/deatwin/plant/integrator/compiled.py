@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import logging
 import os
@@ -166,6 +167,14 @@ def compile_source(source: str) -> Path | None:
         logger.debug("%s: %s", program, error)  # not in the warning: it names temporary files, which always differ
         _say_once(f"{program} could not compile a loop over samples: it runs about a hundred times slower")
         return None
+
+
+def load_source(source: str) -> ctypes.CDLL | None:
+    """Compile C code, once, and load it; None without a compiler, or if the cache folder permits no execution."""
+    library = compile_source(source)
+    with suppress(OSError):
+        return None if library is None else ctypes.CDLL(str(library))
+    return None
 
 
 @dataclass(frozen=True, kw_only=True)

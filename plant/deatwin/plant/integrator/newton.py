@@ -75,9 +75,7 @@ def _until_settled(
 
 
 def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Function:
-    """Return the simplified method, ``(w, size, error, factors, step) -> (w, size, error)``. It converges linearly, so
-    two changes give the rate and, by the geometric series, the remaining error.
-    """
+    """Return the simplified method, ``(w, size, error, factors, step) -> (w, size, error)``."""
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     (values,) = stages.everywhere(stages.values, w, known)
     corrected, change = linear.correct(factors, w, ca.vec(values), x, stages.mass(*known[4:]), known[3])
@@ -87,9 +85,7 @@ def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Fu
 
 
 def _full_update(stages: Stages, n_factors: int) -> ca.Function:
-    """Return ``(w, size, error, factors, step) -> (w, size, error)`` with the Jacobian of each stage. It converges
-    quadratically: in units of the scale, each change is at least about the square of the one before.
-    """
+    """Return ``(w, size, error, factors, step) -> (w, size, error)`` with the Jacobian of each stage."""
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     values, entries = stages.everywhere(stages.jacobians, w, known)
     mass, h = stages.mass(*known[4:]), known[3]

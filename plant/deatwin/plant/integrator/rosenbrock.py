@@ -19,7 +19,7 @@ import numpy as np
 
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import SimulationError
-from deatwin.plant.integrator.compiled import compile_source
+from deatwin.plant.integrator.compiled import load_source
 from deatwin.plant.rest import rest_state
 
 TOLERANCE = 1e-5
@@ -166,19 +166,12 @@ def _kernel(equations: Equations) -> ctypes.CDLL:
     ]
     defined = [f"#define {name} {value}" for name, value in numbers.items()]
     march = Path(__file__).with_name("rosenbrock.c").read_text(encoding="utf-8")
-    library = compile_source("\n".join([generator.dump(), *defined, *tables, march]))
-    if library is None:
+    kernel = load_source("\n".join([generator.dump(), *defined, *tables, march]))
+    if kernel is None:
         raise SimulationError("the concealed apparatus needs a C compiler: install cc, gcc or clang")
-    kernel = ctypes.CDLL(str(library))
     kernel.march.restype = ctypes.c_int
-    kernel.march.argtypes = [
-        ctypes.c_void_p,
-        ctypes.c_void_p,
-        ctypes.c_longlong,
-        *(ctypes.c_void_p,) * 3,
-        ctypes.c_longlong,
-        *(ctypes.c_void_p,) * 5,
-    ]
+    pointer, number = ctypes.c_void_p, ctypes.c_longlong
+    kernel.march.argtypes = (pointer, pointer, number, *(pointer,) * 3, number, *(pointer,) * 5)
     return kernel
 
 

@@ -35,8 +35,7 @@ def move_with_film(
     forces: Symbol,
     build: Builder,
 ) -> None:
-    """Write the motion of a part, which comes first, and of the film about it; `scales` are those of its coordinates.
-    Shapes: mass `film` (n, n) by undeformed thickness; `damped` (n, n), scaled to the part's stated damping."""
+    """Write the motion of a part, which comes first, and of the film. Shapes: `film`, `damped` (n, n)."""
     speeds = ca.vertcat(velocity, *(build.state(f"{name}_rate", scale=scale) for name, scale in scales.items()))
     mass = matrix("inertia", film, build) * build.parameter("thickness")
     mass[0, 0] += build.parameter("mass")

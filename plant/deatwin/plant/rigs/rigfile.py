@@ -178,7 +178,7 @@ def _material_of(file: TomlFile) -> Material:
         raise RigError(f"{file.path}: this is not a material file: it has no section [material]")
     found, mistakes = read_material(file.data["material"])
     if found is None:
-        places = [Mistake(text=said, at=("material", *at), line_of=("material", *at)) for at, said in mistakes]
+        places = [Mistake(text=said, at=("material", *at)) for at, said in mistakes]
         raise RigError(format_errors(file.path, places, lines_of(file.text) if len(places) > 1 else {}))
     return found
 

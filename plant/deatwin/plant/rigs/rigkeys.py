@@ -93,52 +93,95 @@ class TextKey:
         return value
 
 
-# Units in which a value may have been given by mistake, with factor and shift to the file's unit.
-_MM = (("in m", 1e3, 0.0), ("in µm", 1e-3, 0.0))
-_UM = (("in mm", 1e3, 0.0), ("in nm", 1e-3, 0.0), ("in m", 1e6, 0.0))
-_G = (("in kg", 1e3, 0.0), ("in mg", 1e-3, 0.0))
-_KV = (("in kV a volt", 1e3, 0.0),)
-_MS = (("in ms", 1e-3, 0.0),)
-_MV = (("in mV", 1e-3, 0.0),)
-_UA = (("in A", 1e6, 0.0), ("in mA", 1e3, 0.0))
-_MOHM = (("in ohm", 1e-6, 0.0), ("in kohm", 1e-3, 0.0), ("in Gohm", 1e3, 0.0))
-_PF = (("in F", 1e12, 0.0), ("in µF", 1e6, 0.0), ("in nF", 1e3, 0.0))
-_MN = (("in N", 1e3, 0.0), ("in µN", 1e-3, 0.0))
-_N = (("in mN", 1e-3, 0.0),)
-_STRETCH = (("a strain", 1.0, 1.0), ("a strain in %", 0.01, 1.0))
+Keys = Mapping[str, NumberKey | TextKey]
+_UNITS: Mapping[str, tuple[float, tuple[tuple[str, float, float], ...]]] = {
+    "mm": (1e3, (("in m", 1e3, 0.0), ("in µm", 1e-3, 0.0))),
+    "um": (1e6, (("in mm", 1e3, 0.0), ("in nm", 1e-3, 0.0), ("in m", 1e6, 0.0))),
+    "mm2": (1e6, (("in m²", 1e6, 0.0),)),
+    "g": (1e3, (("in kg", 1e3, 0.0), ("in mg", 1e-3, 0.0))),
+    "s": (1.0, (("in ms", 1e-3, 0.0),)),
+    "V": (1.0, (("in mV", 1e-3, 0.0),)),
+    "film volts a volt": (1.0, (("in kV a volt", 1e3, 0.0),)),
+    "uA": (1e6, (("in A", 1e6, 0.0), ("in mA", 1e3, 0.0))),
+    "Mohm": (1e-6, (("in ohm", 1e-6, 0.0), ("in kohm", 1e-3, 0.0), ("in Gohm", 1e3, 0.0))),
+    "pF": (1e12, (("in F", 1e12, 0.0), ("in µF", 1e6, 0.0), ("in nF", 1e3, 0.0))),
+    "N": (1.0, (("in mN", 1e-3, 0.0),)),
+    "mN": (1e3, (("in N", 1e3, 0.0), ("in µN", 1e-3, 0.0))),
+    "N/m": (1.0, (("in N/mm", 1e3, 0.0),)),
+    "kPa": (1e-3, (("in Pa", 1e-3, 0.0), ("in bar", 1e2, 0.0), ("in MPa", 1e3, 0.0))),
+    "stretch": (1.0, (("a strain", 1.0, 1.0), ("a strain in %", 0.01, 1.0))),
+}
+"""How many units make one in SI, and other units that may be meant, with factor and shift to this unit."""
+
+
+def number(field: str, lower: float, upper: float, about: str, *, unit: str, **more: Any) -> NumberKey:
+    """Make the key of a number in one of `_UNITS`."""
+    per_si, slips = _UNITS[unit]
+    return NumberKey(field=field, lower=lower, upper=upper, about=about, slips=slips, **{"per_si": per_si, **more})
+
+
+def length(
+    field: str, about: str, *, lower: float = 0.01, upper: float = 1e3, usual: Any = (0.5, 500.0), **more: Any
+) -> NumberKey:
+    """Make the key of a length in mm; a diameter that the rig stores as a radius has 2000 of them per SI unit."""
+    return number(field, lower, upper, about, unit="mm", usual=usual, **more)
+
+
+def mass(about: str, *, lower: float = 0.0, required: bool = False, usual: Any = (0.2, 1e3)) -> NumberKey:
+    """Make the key of a mass in g."""
+    return number("mass", lower, 1e3, about, unit="g", required=required, usual=usual)
+
+
+def force(field: str, about: str, *, lower: float = -1e3) -> NumberKey:
+    """Make the key of a force in N, which may be left out."""
+    return number(field, lower, 1e3, about, unit="N", required=False, usual=(1e-3, 200.0))
+
+
+def spring_rate(about: str, *, lower: float, required: bool = True) -> NumberKey:
+    """Make the key of a stiffness in N/m."""
+    return number("spring_rate", lower, 1e6, about, unit="N/m", required=required, usual=(2.0, 1e5))
+
+
+def stretch(field: str, about: str, *, lower: float = 0.1, required: bool = True) -> NumberKey:
+    """Make the key of a second stretch."""
+    return number(field, lower, 10.0, about, unit="stretch", required=required)
+
 
 HIGHEST_FILM_VOLTAGE = 30e3  # V; no amplifier for these actuators gives more
-
 _CURRENTS = (2.0, 1e6)  # µA
 _RESOLVED = (5e-3, 300.0)  # µm
+_COMMANDS = "what the drive may give"
 _EQUATIONS = (
     "rms error of the readings that simplified equations leave after a calibration; that of the kind if left out"
 )
-Keys = Mapping[str, NumberKey | TextKey]
 MATERIAL = TextKey(
     field="material",
     about="a name in the table of materials, or a material file (.toml) beside this one",
     instead="[material]",
 )
-THICKNESS = NumberKey(
-    field="thickness", lower=0.001, upper=10.0, per_si=1e3, usual=(0.005, 5.0), slips=_MM, about="before stretching"
-)
-PRESTRETCH = NumberKey(
-    field="prestretch",
-    lower=1.0,
-    upper=10.0,
-    slips=_STRETCH,
-    about="equal-biaxial: a stretch, so 350 % of strain is 4.5",
-)
+THICKNESS = length("thickness", "before stretching", lower=0.001, upper=10.0, usual=(0.005, 5.0))
+PRESTRETCH = stretch("prestretch", "equal-biaxial: a stretch, so 350 % of strain is 4.5", lower=1.0)
+_LIMITS: Keys = {
+    f"{field}_{unit}": number(field, lower, upper, about, unit=unit, required=False, usual=usual)
+    for field, unit, lower, upper, usual, about in (
+        ("current_limit", "uA", 1e-3, 1e9, _CURRENTS, "largest current into the film"),
+        (
+            "sink_current",
+            "uA",
+            0.0,
+            1e9,
+            _CURRENTS,
+            "largest current out of it: 0 for a converter that cannot sink; the limit above if left out",
+        ),
+        # 1 nF behind the largest one would charge in 10 s.
+        ("series_resistance", "Mohm", 1e-6, 1e4, (1e-5, 1e4), "between drive and film"),
+        ("bleed_resistance", "Mohm", 1e-3, 1e6, (2.0, 1e6), "across the film"),
+        ("parallel_capacitance", "pF", 0.0, 1e9, (0.1, 1e7), "across the film"),
+    )
+}
 DRIVE: Keys = {
-    "gain": NumberKey(
-        field="gain",
-        lower=1.0,
-        upper=1e5,
-        usual=(20.0, 2e4),
-        slips=_KV,
-        about="film volts a command volt",
-        instead="input",
+    "gain": number(
+        "gain", 1.0, 1e5, "film volts a command volt", unit="film volts a volt", usual=(20.0, 2e4), instead="input"
     ),
     "input": TextKey(
         field="input",
@@ -152,69 +195,21 @@ DRIVE: Keys = {
         required=False,
         about="instead of the two keys below, if the film's history before the first sample is unknown",
     ),
-    "start_ramp_s": NumberKey(
-        field="start_ramp",
-        lower=0.0,
-        upper=86400.0,
+    "start_ramp_s": number(
+        "start_ramp",
+        0.0,
+        86400.0,
+        "before time 0 the first command was ramped up from 0 V in this time, 0 if the film rested at 0 V",
+        unit="s",
         usual=(0.0, 900.0),
-        slips=_MS,
-        about="before time 0 the first command was ramped up from 0 V in this time, 0 if the film rested at 0 V",
         instead="start",
     ),
-    "start_hold_s": NumberKey(
-        field="start_hold",
-        lower=0.0,
-        upper=86400.0,
-        slips=_MS,
-        about="and held for this time, 0 if the film rested at 0 V",
-        instead="start",
+    "start_hold_s": number(
+        "start_hold", 0.0, 86400.0, "and held for this time, 0 if the film rested at 0 V", unit="s", instead="start"
     ),
-    "command_min_V": NumberKey(
-        field="command_min", lower=-1e5, upper=1e5, required=False, slips=_MV, about="what the drive may give"
-    ),
-    "command_max_V": NumberKey(
-        field="command_max", lower=-1e5, upper=1e5, required=False, slips=_MV, about="what the drive may give"
-    ),
-    "current_limit_uA": NumberKey(
-        field="current_limit",
-        lower=1e-3,
-        upper=1e9,
-        per_si=1e6,
-        required=False,
-        usual=_CURRENTS,
-        slips=_UA,
-        about="largest current into the film",
-    ),
-    "sink_current_uA": NumberKey(
-        field="sink_current",
-        lower=0.0,
-        upper=1e9,
-        per_si=1e6,
-        required=False,
-        usual=_CURRENTS,
-        slips=_UA,
-        about="largest current out of it: 0 for a converter that cannot sink; the limit above if left out",
-    ),
-    **{
-        f"{field}_Mohm": NumberKey(
-            field=field, lower=lower, upper=upper, per_si=1e-6, required=False, usual=usual, slips=_MOHM, about=about
-        )
-        for field, lower, upper, usual, about in (
-            # 1 nF behind the largest one would charge in 10 s.
-            ("series_resistance", 1e-6, 1e4, (1e-5, 1e4), "between drive and film"),
-            ("bleed_resistance", 1e-3, 1e6, (2.0, 1e6), "across the film"),
-        )
-    },
-    "parallel_capacitance_pF": NumberKey(
-        field="parallel_capacitance",
-        lower=0.0,
-        upper=1e9,
-        per_si=1e12,
-        required=False,
-        usual=(0.1, 1e7),
-        slips=_PF,
-        about="across the film",
-    ),
+    "command_min_V": number("command_min", -1e5, 1e5, _COMMANDS, unit="V", required=False),
+    "command_max_V": number("command_max", -1e5, 1e5, _COMMANDS, unit="V", required=False),
+    **_LIMITS,
 }
 AGAINST = "against the motion"
 DIRECTIONS = {"along the motion": 1.0, AGAINST: -1.0}  # Sign of the motion in the reading, by the text in the file
@@ -222,20 +217,9 @@ SENSOR: Keys = {
     "sample_rate_Hz": NumberKey(
         field="sample_rate", lower=1e-3, upper=1e6, usual=(0.1, 1e5), about="of the recordings"
     ),
-    "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, usual=_RESOLVED, slips=_UM, about="rms"),
-    "resolution_um": NumberKey(
-        field="resolution",
-        lower=0.0,
-        upper=1e4,
-        per_si=1e6,
-        required=False,
-        usual=_RESOLVED,
-        slips=_UM,
-        about="0 if left out",
-    ),
-    "model_error_um": NumberKey(
-        field="model_error", lower=0.0, upper=1e4, per_si=1e6, required=False, slips=_UM, about=_EQUATIONS
-    ),
+    "noise_um": number("noise", 0.0, 1e4, "rms", unit="um", usual=_RESOLVED),
+    "resolution_um": number("resolution", 0.0, 1e4, "0 if left out", unit="um", required=False, usual=_RESOLVED),
+    "model_error_um": number("model_error", 0.0, 1e4, _EQUATIONS, unit="um", required=False),
     "zero": TextKey(
         field="zero",
         choices=("displacement at zero volts", "arbitrary"),
@@ -256,78 +240,16 @@ SENSOR: Keys = {
         "of hold if left out",
     ),
 }
-
 PULL: Keys = {
-    name: NumberKey(
-        field=field, lower=0.1, upper=20.0, required=False, slips=_STRETCH, about="what the machine may give"
-    )
-    for name, field in (("stretch_min", "command_min"), ("stretch_max", "command_max"))
+    f"stretch_{end}": number(f"command_{end}", 0.1, 20.0, "what the machine may give", unit="stretch", required=False)
+    for end in ("min", "max")
 }
 LOAD_CELL: Keys = {
     "sample_rate_Hz": SENSOR["sample_rate_Hz"],
-    "noise_mN": NumberKey(field="noise", lower=0.0, upper=1e6, per_si=1e3, usual=(0.01, 1e3), slips=_MN, about="rms"),
-    "resolution_mN": NumberKey(
-        field="resolution",
-        lower=0.0,
-        upper=1e6,
-        per_si=1e3,
-        required=False,
-        usual=(1e-3, 1e3),
-        slips=_MN,
-        about="0 if left out",
-    ),
-    "model_error_mN": NumberKey(
-        field="model_error", lower=0.0, upper=1e6, per_si=1e3, required=False, slips=_MN, about=_EQUATIONS
-    ),
+    "noise_mN": number("noise", 0.0, 1e6, "rms", unit="mN", usual=(0.01, 1e3)),
+    "resolution_mN": number("resolution", 0.0, 1e6, "0 if left out", unit="mN", required=False, usual=(1e-3, 1e3)),
+    "model_error_mN": number("model_error", 0.0, 1e6, _EQUATIONS, unit="mN", required=False),
 }
-
-
-def length(
-    field: str,
-    about: str,
-    *,
-    lower: float = 0.01,
-    upper: float = 1e3,
-    per_si: float = 1e3,
-    required: bool = True,
-    usual: tuple[float, float] = (0.5, 500.0),
-) -> NumberKey:
-    """Make the key of a length in mm; a diameter that the rig stores as a radius has 2000 of them per SI unit."""
-    return NumberKey(
-        field=field, lower=lower, upper=upper, per_si=per_si, required=required, usual=usual, slips=_MM, about=about
-    )
-
-
-def mass(
-    about: str, *, lower: float = 0.0, required: bool = False, usual: tuple[float, float] = (0.2, 1e3)
-) -> NumberKey:
-    """Make the key of a mass in g."""
-    return NumberKey(
-        field="mass", lower=lower, upper=1e3, per_si=1e3, required=required, usual=usual, slips=_G, about=about
-    )
-
-
-def force(field: str, about: str, *, lower: float = -1e3) -> NumberKey:
-    """Make the key of a force in N, which may be left out."""
-    return NumberKey(field=field, lower=lower, upper=1e3, required=False, usual=(1e-3, 200.0), slips=_N, about=about)
-
-
-def spring_rate(about: str, *, lower: float, required: bool = True) -> NumberKey:
-    """Make the key of a stiffness in N/m."""
-    return NumberKey(
-        field="spring_rate",
-        lower=lower,
-        upper=1e6,
-        required=required,
-        usual=(2.0, 1e5),
-        slips=(("in N/mm", 1e3, 0.0),),
-        about=about,
-    )
-
-
-def stretch(field: str, about: str, *, lower: float = 0.1, required: bool = True) -> NumberKey:
-    """Make the key of a second stretch."""
-    return NumberKey(field=field, lower=lower, upper=10.0, required=required, slips=_STRETCH, about=about)
 
 
 def kind_of(value: object) -> str:

@@ -22,6 +22,7 @@ from deatwin.plant.rigs.rigkeys import (
     key_schema,
     length,
     mass,
+    number,
     spring_rate,
     stretch,
 )
@@ -63,6 +64,10 @@ COMMANDS = tuple(
     for low, high in (("command_min_V", "command_max_V"), ("stretch_min", "stretch_max"))
 )
 _SIDE = stretch("side_prestretch", "across the motion; the same as along it if left out", required=False)
+_IN_A_RING: Keys = {
+    "prestretch": PRESTRETCH,
+    "frame_diameter_mm": length("frame_radius", "of the ring, inside", lower=1.0, per_si=2e3),
+}
 _FORCE = force("load", "0 if left out; it pulls the rig longer")
 _SILICONE: Mapping[str, float | str] = {
     "material": "Elastosil 2030",
@@ -98,8 +103,7 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
         "disc": RigKind(
             about="A disc: a round electrode in the middle of a prestretched film in a ring; its edge is read.",
             film={
-                "prestretch": PRESTRETCH,
-                "frame_diameter_mm": length("frame_radius", "of the ring, inside", lower=1.0, per_si=2e3),
+                **_IN_A_RING,
                 "electrode_diameter_mm": length("electrode_radius", "on the stretched film", lower=0.1, per_si=2e3),
             },
             load={"mass_g": mass("that the electrode's edge carries; 0 if left out", usual=_MARK)},
@@ -132,15 +136,7 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
             about="A stack: films on top of each other that contract across their faces.",
             film={
                 "layers": NumberKey(field="layers", lower=1.0, upper=1e6, whole=True, about="number of films"),
-                "area_mm2": NumberKey(
-                    field="area",
-                    lower=0.01,
-                    upper=1e6,
-                    per_si=1e6,
-                    usual=(1.0, 2e5),
-                    slips=(("in m²", 1e6, 0.0),),
-                    about="of a film's electrode",
-                ),
+                "area_mm2": number("area", 0.01, 1e6, "of a film's electrode", unit="mm2", usual=(1.0, 2e5)),
             },
             load={"force_N": _FORCE, "mass_g": _MOVED},
             absent={"mass": 0.0, "load": 0.0},
@@ -193,8 +189,7 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
         "cone": RigKind(
             about="A cone: a film between a rigid disc and a ring, drawn out of its plane by a mass or a spring.",
             film={
-                "prestretch": PRESTRETCH,
-                "frame_diameter_mm": length("frame_radius", "of the ring, inside", lower=1.0, per_si=2e3),
+                **_IN_A_RING,
                 "disc_diameter_mm": length("disc_radius", "of the rigid disc in the middle", lower=0.1, per_si=2e3),
             },
             load={
@@ -231,19 +226,10 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
         ),
         "pressure": RigKind(
             about="An inflated film: a constant pressure bulges a film in a ring, with electrodes all over.",
-            film={
-                "prestretch": PRESTRETCH,
-                "frame_diameter_mm": length("frame_radius", "of the ring, inside", lower=1.0, per_si=2e3),
-            },
+            film=_IN_A_RING,
             load={
-                "pressure_kPa": NumberKey(
-                    field="pressure",
-                    lower=1e-4,
-                    upper=1e3,
-                    per_si=1e-3,
-                    usual=(0.02, 100.0),
-                    slips=(("in Pa", 1e-3, 0.0), ("in bar", 1e2, 0.0), ("in MPa", 1e3, 0.0)),
-                    about="inside above that outside",
+                "pressure_kPa": number(
+                    "pressure", 1e-4, 1e3, "inside above that outside", unit="kPa", usual=(0.02, 100.0)
                 ),
                 "mass_g": mass("on the apex besides the film; 0 if left out", usual=_MARK),
             },

@@ -36,9 +36,12 @@ class Mistake:
 
     text: str  # Description of the mistake and of what is allowed
     at: Place = ()
-    line_of: Place = ()  # Entry whose line the user should look at
+    line_of: Place = ()  # Entry whose line the user should look at; by default `at`
     missing: Place = ()  # Missing entry
     meant: Place = ()  # Entry that an unknown name probably means
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "line_of", self.line_of or self.at)
 
     @property
     def where(self) -> str:
@@ -82,17 +85,14 @@ def remarks_of(data: Mapping[str, Any]) -> list[Mistake]:
     """Find the values of a rig file without mistakes that such rigs hardly have."""
     sections = KINDS[data.get("kind", "diaphragm")].sections
     found = [
-        Mistake(text=text, at=(section, name), line_of=(section, name))
+        Mistake(text=text, at=(section, name))
         for section, keys in sections.items()
         for name, value in data.get(section, {}).items()
         if isinstance(key := keys[name], NumberKey) and (text := key.remark(value))
     ]
     if text := _stretched_already(data.get("film", {})):
-        found.append(Mistake(text=text, at=("film", "thickness_mm"), line_of=("film", "thickness_mm")))
-    found += [
-        Mistake(text=text, at=("material", *path), line_of=("material", *path))
-        for path, text in material_remarks(data.get("material", {}))
-    ]
+        found.append(Mistake(text=text, at=("film", "thickness_mm")))
+    found += [Mistake(text=text, at=("material", *path)) for path, text in material_remarks(data.get("material", {}))]
     return found
 
 
@@ -133,13 +133,9 @@ def _material(data: Mapping[str, Any], film: object) -> Iterator[Mistake]:
     if "material" not in data:
         return
     if isinstance(film, Mapping) and "material" in film:
-        yield Mistake(
-            text="there is a section [material] too; keep one of them",
-            at=("film", "material"),
-            line_of=("film", "material"),
-        )
+        yield Mistake(text="there is a section [material] too; keep one of them", at=("film", "material"))
     for path, text in read_material(data["material"])[1]:
-        yield Mistake(text=text, at=("material", *path), line_of=("material", *path))
+        yield Mistake(text=text, at=("material", *path))
 
 
 def lines_of(text: str) -> dict[Place, int]:
@@ -227,7 +223,6 @@ def _beyond(drive: object, called: str, keys: Keys) -> Iterator[Mistake]:
             f"{HIGHEST_FILM_VOLTAGE:g} V"
             + (f"; if {volts:g} V is on the film, write {volts / gain:.6g}" if fits else ""),
             at=(called, name),
-            line_of=(called, name),
         )
 
 
@@ -240,7 +235,6 @@ def _of_supply(drive: object, called: str) -> Iterator[Mistake]:
         yield Mistake(
             text="the input of this rig is the voltage on the film, so limits of the drive do not apply; remove this key",
             at=(called, name),
-            line_of=(called, name),
         )
 
 
@@ -282,21 +276,16 @@ def _inside(
     for name, key in keys.items():
         replaced = key.instead in values or key.instead[1:-1] in data
         if name in values and key.instead in values:
-            yield Mistake(
-                text=f'"{key.instead}" already states this; keep one of the two keys',
-                at=(called, name),
-                line_of=(called, name),
-            )
+            yield Mistake(text=f'"{key.instead}" already states this; keep one of the two keys', at=(called, name))
         if name not in values and key.required and not replaced:
             other = f"; or give {_written(key.instead, keys)} instead" if key.instead else ""
             yield Mistake(
                 text=f'the key "{name}" is missing; it must be {key.allowed}{other}',
                 at=(called,),
-                line_of=(called,),
                 missing=(section, name),
             )
         elif name in values and (fault := key.fault(values[name])):
-            yield Mistake(text=fault, at=(called, name), line_of=(called, name))
+            yield Mistake(text=fault, at=(called, name))
 
 
 def _written(name: str, keys: Keys) -> str:
@@ -361,9 +350,7 @@ def _order(
         )
         if value is not None and most is not None and value >= most:
             place = (called[section], name)
-            yield Mistake(
-                text=f"{value:g} is out of range; it must be below {limit}, {most:g}", at=place, line_of=place
-            )
+            yield Mistake(text=f"{value:g} is out of range; it must be below {limit}, {most:g}", at=place)
 
 
 def _number(values: object, key: NumberKey | TextKey, name: str) -> float | None:

@@ -1,14 +1,14 @@
 """TOML files of users: rig files, and files that name a model written elsewhere."""
 
 import os
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from deatwin.plant.errors import RigError, nearest
-from deatwin.plant.rigs.toml_hints import slip_of
 from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
 
 
@@ -53,3 +53,107 @@ def _has_marks(value: object) -> bool:
     if isinstance(value, Mapping | list):
         return any(map(_has_marks, value.values() if isinstance(value, Mapping) else value))
     return isinstance(value, str) and any(ord(letter) < ord(" ") for letter in value)
+
+
+_NUMBER = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
+_END = r"\s*(?:#.*)?"
+_CURLY = "“”„‟«»‘’‚‛`´"
+_KEY = re.compile(r"\s*([A-Za-z0-9_-]+)\s*=\s*(.*?)\s*")
+_BARE = re.compile(r"\s*([A-Za-z0-9_-]+)\s+([^=\[\]#]+?)\s*(?:#.*)?")
+_ODD_KEY = re.compile(r"\s*([^=:#\"']*[^=:#\"'\s])\s*([=:])\s*(.*?)\s*")
+_TITLE = re.compile(r"\s*(?:([A-Za-z0-9_-]+)\s*:|[({<]\s*([A-Za-z0-9_-]+)\s*[)}>])" + _END)
+_LOOK_ALIKE = str.maketrans("аеорсухіАЕОРСХВМНКТ", "aeopcyxiAEOPCXBMHKT")  # Cyrillic letters
+_STRANGE = re.compile(r"[^\x00-\x7f]")
+_SECTION = re.compile(r"\s*\[([A-Za-z0-9_-]+)\s*\]?" + _END)
+_BACKSLASH = re.compile(r'"((?:[^"\\]|\\\\)*\\(?!u[0-9A-Fa-f]{4}|[\\"])[^"]*)"' + _END)
+_SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
+    (
+        re.compile(rf"([+-]?\d+),(\d+){_END}"),
+        lambda whole, part: f"write a number with a decimal point, not a comma: {whole}.{part}",
+    ),
+    (re.compile(rf"([+-]?)(\.\d+){_END}"), lambda sign, part: f"a number must begin with a digit: write {sign}0{part}"),
+    (re.compile(rf"([+-]?\d+)\.{_END}"), lambda whole: f"a number must end with a digit: write {whole}.0"),
+    (
+        re.compile(rf"({_NUMBER})\s*[A-Za-zµμ%°]+{_END}"),
+        lambda number: f"leave the unit out, because the name of the key contains it: write {number}",
+    ),
+    (
+        re.compile(rf"[{_CURLY}]+([^{_CURLY}\"']*)[{_CURLY}\"']*{_END}"),
+        lambda word: f'quotes are straight: write "{word}"',
+    ),
+    (
+        re.compile(r"(?!true\b|false\b|inf\b|nan\b)([^\W\d][^\"'#\[\]{}]*?)" + _END),
+        lambda word: f'a text must be in quotes: write "{word}"',
+    ),
+    (
+        _BACKSLASH,
+        lambda path: (
+            f"a backslash in double quotes begins an escape sequence: write '{path}', or {path.replace(chr(92), '/')}"
+        ),
+    ),
+    (re.compile(r'"([^"#]*?)\s*(?:#[^"]*)?'), lambda word: f'the closing quote is missing: write "{word}"'),
+    (re.compile(rf"({_NUMBER})\s*;.*"), lambda number: f"leave the semicolon out: write {number}"),
+    (
+        re.compile(rf'({_NUMBER}|"[^"]*")\s*(//|%|--).*'),
+        lambda value, mark: f"a comment begins with #, not with {mark}: write {value}",
+    ),
+    (
+        re.compile(rf"({_NUMBER})\s*(?:±|\+/?-).*"),
+        lambda number: f"write one number, without its tolerance: {number}",
+    ),
+    (re.compile(rf"[−–]\s*(\d[^#]*?){_END}"), lambda number: f"a minus sign is a hyphen: write -{number}"),
+    (
+        re.compile(rf"([+-]?[1-9]\d{{0,2}}(?:[.' ]\d{{3}})+),(\d+){_END}"),
+        lambda whole, part: (
+            f"write a number with a decimal point and no other mark: {re.sub('[^0-9+-]', '', whole)}.{part}"
+        ),
+    ),
+    (
+        re.compile(rf"([+-]?\d+)\s*[x*×·]\s*10\^?([+-]?\d+){_END}"),
+        lambda number, power: f"write a power of ten as {number}e{power}",
+    ),
+    (
+        re.compile(rf"([+-]?)0+(\d+(?:\.\d+)?){_END}"),
+        lambda sign, number: f"a number must not begin with 0: write {sign}{number}",
+    ),
+    (re.compile(rf"[-+\d.\s]+[*/^][-+*/^\d.\s]+{_END}"), lambda: "write a number, not a formula"),
+    (re.compile(_END), lambda: "there is no value"),
+)
+"""Patterns of a wrong value, each with a hint made from its groups."""
+
+
+def slip_of(text: str) -> str:
+    """Return the first slip in a rig file: its line, its key, and what to write."""
+    seen: dict[str, int] = {}
+    sections: dict[str, int] = {}
+    if text.lstrip().startswith("{"):
+        return "it is JSON; write sections in brackets, and a line for each key, such as gain = 800.0"
+    for number, line in enumerate(text.split("\n"), start=1):
+        if section := _SECTION.fullmatch(line):
+            if "]" not in line.split("#")[0]:
+                return f"line {number}: a section must be in brackets: write [{clipped(section[1])}]"
+            if section[1] in sections and not line.strip().startswith("[["):
+                return f"line {number}: the section [{section[1]}] is already in line {sections[section[1]]}: keep one of the two"
+            seen, sections[section[1]] = {}, number
+        elif title := _TITLE.fullmatch(line):
+            return f"line {number}: a section must be in brackets: write [{clipped(title[1] or title[2])}]"
+        elif entry := _KEY.fullmatch(line):
+            key, value = entry.groups()
+            for slip, say in _SLIPS:
+                if found := slip.fullmatch(value):
+                    return f"line {number}, {clipped(key)}: {say(*map(clipped, found.groups()))}"
+            if key in seen:
+                return f"line {number}, {clipped(key)}: the key is already in line {seen[key]}: keep one of the two"
+            seen[key] = number
+        elif odd := _ODD_KEY.fullmatch(line):
+            plain = odd[1].replace("µ", "u").replace("μ", "u").translate(_LOOK_ALIKE)
+            key = re.sub(r"[^A-Za-z0-9-]+", "_", plain).strip("_")
+            if odd[2] == ":" or key != odd[1]:
+                return f"line {number}: write {clipped(key)} = {clipped(odd[3])}"
+        elif bare := _BARE.fullmatch(line):
+            return f"line {number}: write {clipped(bare[1])} = {clipped(bare[2])}"
+    for number, line in enumerate(text.split("\n"), start=1):
+        bare_line = re.sub(r"\"[^\"]*\"|'[^']*'|#.*", "", line)
+        if strange := _STRANGE.search(bare_line):
+            return f"line {number}: the character U+{ord(strange[0]):04X} must not stand outside quotes; type the line anew"
+    return ""

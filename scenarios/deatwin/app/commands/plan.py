@@ -49,7 +49,7 @@ def plan(
             "this is the length of the input that plan would suggest, but you gave an input file: leave one of the two out",
             param_hint="--seconds",
         )
-    from deatwin.app.planning import plan_into
+    from deatwin.app.plan_report import plan_into
 
     voice = Voice(as_json=as_json, quiet=quiet)
     with results(out, voice, "planning") as (folder, progress):

@@ -13,11 +13,10 @@ from typing import Any
 from fastapi import FastAPI
 from nicegui import run, ui
 
-from deatwin.app.live.comparison import MOST, compare
 from deatwin.app.live.desk import MEGABYTE, UPLOADS, Desk, free_name, keep_upload
 from deatwin.app.live.glance import Glance, glance
 from deatwin.app.live.jobs import Board, Diagnosing, Job, Order, Planning, State
-from deatwin.app.live.verdicts import Verdict
+from deatwin.app.live.verdicts import MOST, Verdict, compare
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.readoptions import ReadOptions
 

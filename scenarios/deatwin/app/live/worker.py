@@ -47,7 +47,7 @@ def _diagnose(arguments: Sequence[str]) -> None:
 
 
 def _plan(arguments: Sequence[str]) -> None:
-    from deatwin.app.planning import plan_into
+    from deatwin.app.plan_report import plan_into
     from deatwin.studies.folder import ResultFolder
 
     asked = _parse(arguments)

@@ -151,9 +151,7 @@ def _given(name: str, kind: str, effects: tuple[str, ...], ratio: float, **more:
 
 
 def _effects(of: Size, rng: np.random.Generator) -> Iterator[Given]:
-    """List cases of each effect at increasing ratios; the highest ratio gets the least noise, so that it can be
-    reached.
-    """
+    """List cases of each effect at increasing ratios; the highest ratio gets the least noise."""
     ratios = sorted(of.ladder * (of.effects // len(of.ladder)))
     for name in KEY:
         noises = sorted((log_uniform(rng, *NOISE_SHARES) for _ in ratios), reverse=True)

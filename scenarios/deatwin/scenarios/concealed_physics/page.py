@@ -138,9 +138,7 @@ def _half(study: Opened) -> Table:
 
 
 def half_named(ratios: Sequence[float], right: Sequence[bool]) -> float | None:
-    """Return the ratio at which a logistic curve in its logarithm, fitted by maximum likelihood, passes one half; None
-    if the answers do not determine it.
-    """
+    """Return the ratio at which a logistic curve in its logarithm passes one half; None if undetermined."""
     from scipy.optimize import minimize
 
     seen = np.array(ratios) > 0.0

@@ -169,11 +169,7 @@ RIVALS = 3
 
 
 def _apart(spec: CaseSpec, specimen: Specimen) -> dict[str, Any] | None:
-    """Return d² between the true effect and the wrong one that imitates it best, with the sensor's noise alone and with
-    the plant's own error, which no diagnosis has a part in.
-
-    Both are fitted to the readings without noise.
-    """
+    """Return d² of the true effect and its best imitation, beside the sensor's noise and beside all errors."""
     if spec.kind != "effect":
         return None
     experiment, nominal, right = specimen.experiments[0], specimen.plant, KEY[spec.effects[0]]
@@ -213,9 +209,7 @@ def _fitted(plant: Plant, parts: Sequence[Part]) -> Calibration | None:
 
 
 def _shaped(nominal: Plant, base: Calibration, parts: Sequence[Part], effects: Sequence[Effect]) -> list[Effect]:
-    """Return the effects with the shapes that could explain most of the base plant's residual to first order, the best
-    one first.
-    """
+    """Return effects with the shapes that explain most of the base plant's residual, the best one first."""
     error, whole = nominal.rig.model_error, tuple(parts)
     problem = DiagnosisProblem(
         nominal=nominal,

@@ -24,7 +24,7 @@ from deatwin.control import (
 from deatwin.control.checking.rows import rows_of_family
 from deatwin.control.checking.subject import STICKING
 from deatwin.control.checking.trial import Trial
-from deatwin.control.stability.bandwidth import bandwidth_Hz
+from deatwin.control.stability.margins import bandwidth_Hz
 from deatwin.ident.frequency.uncertainty.regions import draw_theta
 from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx, free_run_residual
 from deatwin.ident.narx.fleet import linear_in_output

@@ -82,8 +82,7 @@ class LinearOscillator(Rig):
 
 @dataclass(frozen=True, kw_only=True)
 class BoucWen(Hysteresis):
-    """Bouc's and Wen's spring with any two terms, F = -F_h z, x_h dz/dt = v - |v| z + kappa v |z|: unlike the
-    catalogue's, its force may grow for ever."""
+    """Bouc and Wen's spring, F = -F_h z, x_h dz/dt = v - |v| z + kappa v |z|, whose force may grow for ever."""
 
     force: float = 20.0  # F_h in N
     distance: float = 1e-3  # x_h in m

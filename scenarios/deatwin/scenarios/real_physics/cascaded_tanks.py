@@ -85,8 +85,7 @@ def _root(level: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Overflow(Effect):
-    """Water over the brims, q = r p(h - h_b), p(x) = w ln(1 + e^(x/w)); the lower tank catches part of the upper
-    one's."""
+    """Water over the brims, q = r p(h - h_b), p(x) = w ln(1 + e^(x/w)), part of which the lower tank catches."""
 
     rate: float = 0.2  # r in 1/s
     brim: float = 9.5  # h_b in V of the level's sensor

@@ -28,8 +28,7 @@ from deatwin.plant import (
     catalogue,
 )
 from deatwin.studies.missing_physics import Case, HeldOut, Law, experiment_of, tell
-from deatwin.studies.public.columns import matlab_vectors, require_samples
-from deatwin.studies.public.records import EMPS_FILES, emps_deviation
+from deatwin.studies.public.records import EMPS_FILES, emps_deviation, matlab_vectors, require_samples
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 

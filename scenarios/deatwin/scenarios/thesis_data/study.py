@@ -120,9 +120,7 @@ class SideBands:
 
     @property
     def reached(self) -> tuple[float, float]:
-        """Amplitudes of the output at the line's frequency plus and minus that of the drift, where the input has
-        none.
-        """
+        """Amplitudes of the output at the line's frequency plus and minus that of the drift."""
         sides = np.interp((self.line - self.drift, self.line + self.drift), self.frequencies, self.outputs)
         return float(sides[0]), float(sides[1])
 
@@ -142,8 +140,7 @@ def small_voltages(plant: Plant, step: float) -> SmallVoltages:
 def side_bands(
     line: float = 0.5, drift: float = 0.05, depth: float = 0.2, time: float = 0.5, sample_time: float = 0.02
 ) -> SideBands:
-    """Drive a first-order lag c = exp(-h/T) of drifting gain with one line: y_k = c y_{k-1} + (1 - c) g_k u_k, with the
-    gain g_k = 1 + d cos 2 pi f_d t_k. `line` f and `drift` f_d are in Hz."""
+    """Drive a lag c = exp(-h/T) of gain g_k = 1 + d cos 2 pi f_d t_k with a line: y_k = c y_{k-1} + (1 - c) g_k u_k."""
     from scipy.signal import lfilter
 
     period = round(1 / (drift * sample_time)) * 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -290,34 +290,17 @@ def carry_out(seed: int, *, jobs: int, progress: Progress) -> Study:
     *of_systems, of_walks = np.random.SeedSequence(seed).spawn(len(SYSTEMS) + 1)
     walks = spawn_generators(int(of_walks.generate_state(1)[0]), REALISATIONS)
     places, actuators = range(len(SYSTEMS)), fleet(seed)
-    driven = run_told(
-        _drive,
-        [(actuator, number in SHOWN) for number, actuator in enumerate(actuators, start=1)],
-        jobs,
-        between(progress, 0.0, 0.55),
-        "following six actuators",
-    )
-    followed = run_told(
-        _follow,
-        [(place, np.random.default_rng(child)) for place, child in zip(places, of_systems, strict=True)],
-        jobs,
-        between(progress, 0.55, 0.7),
-        "following systems whose parameters are known",
-    )
-    frozen = run_told(
-        _frozen_run,
-        [(place, speed) for place in places for speed in SPEEDS],
-        jobs,
-        between(progress, 0.7, 0.8),
-        "frozen time against the rate of variation",
-    )
-    held = run_told(
-        covered,
-        [(rng, COVERAGE_TIMES, COVERAGE_HZ) for rng in walks],
-        jobs,
-        between(progress, 0.8, 0.92),
-        "coverage of the truth",
-    )
+
+    def told(work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]], first: float, last: float, text: str) -> Any:
+        return run_told(work, tasks, jobs, between(progress, first, last), text)
+
+    drives = [(actuator, number in SHOWN) for number, actuator in enumerate(actuators, start=1)]
+    driven = told(_drive, drives, 0.0, 0.55, "following six actuators")
+    systems = [(place, np.random.default_rng(child)) for place, child in zip(places, of_systems, strict=True)]
+    followed = told(_follow, systems, 0.55, 0.7, "following systems whose parameters are known")
+    runs = [(place, speed) for place in places for speed in SPEEDS]
+    frozen = told(_frozen_run, runs, 0.7, 0.8, "frozen time against the rate of variation")
+    held = told(covered, [(rng, COVERAGE_TIMES, COVERAGE_HZ) for rng in walks], 0.8, 0.92, "coverage of the truth")
     known = known_systems(tuple(followed), tuple(run for each in frozen for run in each), held)
     return Study(known=known, driven=tuple(driven), stories=tuple(actuator.story for actuator in actuators))
 

@@ -4,7 +4,6 @@ A sweep is sealed before its first case. It can be killed and resumed at any tim
 run under different conditions. ``joblib.parallel_config`` chooses the backend.
 """
 
-from deatwin.studies.sweep.results import Study, open_study
-from deatwin.studies.sweep.study import grid, run_study
+from deatwin.studies.sweep.study import Study, grid, open_study, run_study
 
 __all__ = ["Study", "grid", "open_study", "run_study"]

@@ -7,7 +7,7 @@ import pytest
 from made_models import controller_of
 
 from deatwin.control import LinearController, Verdict
-from deatwin.control.checking.scope import judge_film
+from deatwin.control.checking.subject import judge_film
 from deatwin.control.design.pid import PidGains
 
 H, PULL_IN = 0.02, np.sqrt(1 / 3) * (1 - 1 / 3)

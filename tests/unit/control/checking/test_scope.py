@@ -1,7 +1,7 @@
 """Whether a crossover lies where the recording excited the plant."""
 
-from deatwin.control.checking.scope import judge_band
 from deatwin.control.checking.specification import Verdict
+from deatwin.control.checking.subject import judge_band
 from deatwin.ident.narx import Excitation
 
 HOLED = Excitation(bands=((0.25, 0.5), (1.5, 2.0)))

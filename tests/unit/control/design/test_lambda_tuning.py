@@ -6,8 +6,12 @@ import pytest
 from made_models import linear_model
 
 from deatwin.control import ControlError, lambda_tuning
-from deatwin.control.design.half_rule import reduce_to_second_order
-from deatwin.control.design.lambda_tuning import default_closed_loop_time, lambda_tuning_pid, reduce_to_first_order
+from deatwin.control.design.lambda_tuning import (
+    default_closed_loop_time,
+    lambda_tuning_pid,
+    reduce_to_first_order,
+    reduce_to_second_order,
+)
 
 H = 0.02
 LIMITS = (1.0, 4.0)

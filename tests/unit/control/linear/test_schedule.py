@@ -10,8 +10,7 @@ from deatwin.control.linear.bands import Banded
 from deatwin.control.linear.family import linearise_many
 from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import linearise_plant
-from deatwin.control.linear.schedule import GainSchedule, gain_schedule
-from deatwin.control.linear.varying import linearise_along
+from deatwin.control.linear.schedule import GainSchedule, gain_schedule, linearise_along
 from deatwin.ident.frequency import hold_equilibrium, tv_gfrf
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.trajectory import ThetaTrajectory

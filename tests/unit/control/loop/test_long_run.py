@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from deatwin.control.loop.long_run import LongRun
+from deatwin.control.loop.sine_response import LongRun
 from deatwin.plant import Diaphragm, Plant
 from deatwin.plant.integrator import march
 from deatwin.plant.sample import SHORTER_STEPS

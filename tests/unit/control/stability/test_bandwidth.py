@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.control.stability.bandwidth import bandwidth_Hz
+from deatwin.control.stability.margins import bandwidth_Hz
 
 
 def test_the_bandwidth_of_an_integrating_loop_is_its_crossover():

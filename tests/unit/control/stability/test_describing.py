@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from deatwin.control.stability.describing import quantiser, saturation
+from deatwin.control.checking.cycles import quantiser, saturation
 
 
 def test_a_saturation_against_python_control():

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from deatwin.control.stability.describing import quantiser, saturation
+from deatwin.control.checking.cycles import quantiser, saturation
 from deatwin.control.stability.limit_cycles import limit_cycles
 
 H = 0.01

@@ -13,8 +13,8 @@ from made_narx import trajectory_of
 from scipy import stats
 
 from deatwin.ident.frequency import frequency_grid, gfrf, output_orders, output_spectrum
+from deatwin.ident.frequency.uncertainty.beside_draws import sample
 from deatwin.ident.frequency.uncertainty.propagate import UncertaintyStatus, propagate
-from deatwin.ident.frequency.uncertainty.sampling import sample
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.linear import LinearModel

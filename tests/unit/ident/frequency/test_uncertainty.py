@@ -11,11 +11,17 @@ from made_narx import trained_on
 from scipy import stats
 
 from deatwin.ident.frequency import gfrf, output_orders, output_spectrum
-from deatwin.ident.frequency.uncertainty.beside_draws import Spread, departure, spread_of, whitened
+from deatwin.ident.frequency.uncertainty.beside_draws import (
+    SampleStatus,
+    Spread,
+    departure,
+    sample,
+    spread_of,
+    whitened,
+)
 from deatwin.ident.frequency.uncertainty.gain_phase import polar
 from deatwin.ident.frequency.uncertainty.propagate import UncertaintyStatus, UncertaintyWarning, propagate
 from deatwin.ident.frequency.uncertainty.regions import draw_theta, evaluate
-from deatwin.ident.frequency.uncertainty.sampling import SampleStatus, sample
 from deatwin.ident.narx import NarxModel
 
 SAMPLE_TIME = 0.02

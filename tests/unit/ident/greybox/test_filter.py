@@ -14,8 +14,7 @@ from deatwin.ident.greybox.filter import Floor, Opening, filter_likelihood, late
 from deatwin.ident.greybox.filter_linear import without_repeats
 from deatwin.ident.greybox.filter_openings import opened_equations, places
 from deatwin.ident.greybox.problem import Problem
-from deatwin.ident.kalman import kalman_filter
-from deatwin.ident.state_space import StateSpace
+from deatwin.ident.kalman import StateSpace, kalman_filter
 from deatwin.plant import Delay, Diaphragm, Experiment, Parameter, Plant, Recording
 from deatwin.plant.builder import Builder
 from deatwin.plant.errors import ModelError

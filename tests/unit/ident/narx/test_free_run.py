@@ -3,6 +3,7 @@
 import logging
 import math
 from itertools import pairwise
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -172,3 +173,6 @@ def test_code_that_cannot_be_compiled_is_none_and_said(monkeypatch, tmp_path, ca
     assert len(caplog.records) == 1 and "could not compile" in caplog.text
     library = compiled.compile_source("int answer(void) { return 42; }")
     assert library is not None and library.parent == tmp_path
+    assert compiled.load_source("int answer(void) { return 42; }").answer() == 42
+    monkeypatch.setattr(compiled.ctypes, "CDLL", Mock(side_effect=OSError("no execution from this folder")))
+    assert compiled.load_source("int answer(void) { return 42; }") is None

@@ -11,8 +11,7 @@ from stopping import StopAt, interrupted
 from deatwin.ident.narx import FitStatus
 from deatwin.ident.nss import NonlinearStateSpace, Pnlss
 from deatwin.ident.nss.basis import Basis
-from deatwin.ident.nss.identifier import _lines, _on_all
-from deatwin.ident.nss.linear_start import from_lines, from_samples, stabilised
+from deatwin.ident.nss.identifier import _lines, _on_all, from_lines, from_samples, stabilised
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.search import Found, Record, judged
 from deatwin.plant.errors import ModelError

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from deatwin.ident.arguments import read_only, real_number, real_numbers
 from deatwin.ident.frequency.linear import whole_order
 from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, one_period, spectrum_of
+from deatwin.ident.narx.excited import union_of
 from deatwin.plant.arguments import instance, taking
 from deatwin.plant.arrays import Array, Booleans, Complex
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
@@ -65,11 +66,12 @@ def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None
     sums = [((order - k) * low - k * high, (order - k) * high - k * low) for k in range(order + 1)]
     positive = [piece for interval in sums for piece in _magnitudes(*interval)]
     if sample_time is None:
-        return _merged(positive, order * high)
+        return read_only(union_of(positive, _ROUNDING * (order * high)))
     nyquist = np.pi / checked_sample_time(sample_time)
     if high > nyquist * (1 + _ROUNDING):
         raise ModelError(f"the band goes up to {high:g} rad/s, beyond half the sampling rate, {nyquist:.6g} rad/s")
-    return _merged([piece for interval in positive for piece in _folded(*interval, nyquist)], nyquist)
+    folded = (piece for interval in positive for piece in _folded(*interval, nyquist))
+    return read_only(union_of(folded, _ROUNDING * nyquist))
 
 
 def checked_band(band: ArrayLike, unit: str) -> tuple[float, float]:
@@ -104,17 +106,6 @@ def _folded(low: float, high: float, nyquist: float) -> list[tuple[float, float]
         start, end = (min(max(w - m * nyquist, 0.0), nyquist) for w in (low, high))
         pieces.append((start, end) if m % 2 == 0 else (nyquist - end, nyquist - start))
     return pieces
-
-
-def _merged(intervals: list[tuple[float, float]], scale: float) -> Array:
-    """Join intervals that overlap or touch."""
-    joined: list[list[float]] = []
-    for low, high in sorted(intervals):
-        if joined and low <= joined[-1][1] + _ROUNDING * scale:
-            joined[-1][1] = max(joined[-1][1], high)
-        else:
-            joined.append([low, high])
-    return read_only(joined)
 
 
 AMPLIFICATION = 5.0  # Largest sum of the weights' magnitudes, which sum to one: beyond it, G_n is erratic

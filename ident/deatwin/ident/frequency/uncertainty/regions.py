@@ -146,8 +146,7 @@ class Uncertain(Described, ABC):
         """Return a pointwise band of the phase, degrees, of probability `level`; NaN where it is undefined."""
 
     def ellipse(self, level: float | None = None, n_points: int = 73) -> Complex:
-        """Return outlines of the regions of both parts jointly at each frequency, complex, shape (n, n_points); the last
-        point, of at least 3, equals the first."""
+        """Return closed outlines of the regions of both parts jointly, complex, shape (n, n_points)."""
         n_points = whole_number(n_points, "n_points", 3)
         angle = np.linspace(0.0, 2 * np.pi, n_points)
         outline = self._ellipses.roots @ np.stack([np.cos(angle), np.sin(angle)])

@@ -241,9 +241,7 @@ def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
 
 
 def _isolated(record: Recording, values: Array, level: float) -> tuple[Array, Array]:
-    """Return the deviation of each value from its neighbours, and how many times the usual one an outlier's is; 0 for
-    all others. A step, its ringing, the usual response to a kink of an input, and what recurs with the inputs are
-    motion, not outliers. Shapes: `values` (n,)."""
+    """Return the deviation of each value from its neighbours, in usual ones; 0 for motion. Shapes: (n,)."""
     from scipy.ndimage import maximum_filter, median_filter
     from scipy.special import ndtri
 

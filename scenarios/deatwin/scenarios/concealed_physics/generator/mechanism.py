@@ -88,8 +88,7 @@ class Draw:
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 @dataclass(frozen=True, kw_only=True)
 class Mechanism(ABC):
-    """A concealed piece of physics; its fields are parameters in SI units, in the order in which they are drawn. Each
-    subclass becomes a frozen data class."""
+    """A concealed piece of physics, a frozen data class; its fields are parameters, SI, in the order of their draws."""
 
     name: ClassVar[str]
     strength: ClassVar[str]

@@ -119,8 +119,7 @@ class DilutedPermittivity(PlantMechanism, place=Place.FILM, signal="film", large
 
 
 class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", largest=0.2):
-    """Polarisation V^2 - V sum_k a_k (V - p_k) with tau_k dp_k/dt = V - p_k, of times as broad and lopsided as
-    Havriliak and Negami's."""
+    """Polarisation V^2 - V sum_k a_k (V - p_k), tau_k dp_k/dt = V - p_k, with Havriliak and Negami's times."""
 
     share: float = Draw.part()  # Sum of a_k
     centre: float = Draw.log_uniform(5.0, 40.0)  # s

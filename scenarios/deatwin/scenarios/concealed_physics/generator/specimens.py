@@ -312,8 +312,7 @@ class Specimen:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """True values, SI, by the name of the parameter in the diagnosis: of the film, and of a mechanism if the
-        catalogue has the same one."""
+        """True values, SI, of the film and of mechanisms that the catalogue has too, by name in the diagnosis."""
         film = {name: self.apparatus.plant.parameters[name].value for name in FITTED}
         return film | {k: v for m in self.apparatus.mechanisms for k, v in m.catalogue_values().items()}
 
