@@ -133,7 +133,7 @@ class Look:
         found += [str(link) for link in self.links]
         found += [] if self.best_linear is None else [str(self.best_linear)]
         found += [f"{finding.signal}: {finding.text.removeprefix(f'{finding.signal} ')}" for finding in self.findings]
-        found += _marks(self.recordings)
+        found += [] if "file" in self.recordings[0].provenance else _marks(self.recordings)  # reading has told it
         return tuple(found)
 
     def __str__(self) -> str:

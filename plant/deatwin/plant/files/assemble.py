@@ -49,6 +49,11 @@ _RUN = re.compile(
 )
 """Names of a column with the number of the run to which a row belongs."""
 _COUNTED = 0.9  # Share of steps by 1 from which a column counts the rows
+_FAR = 10.0  # Distance of an equal value from all others, in their range, from which it may mark a missing value
+_MARK = re.compile(r"[-+]?(9{3,}(\.(9+|25|0+))?|99\.9{2,})")
+"""Number that loggers write for a missing value: -9999, -999.25, 99.9999."""
+_LIMITS = {sign * (2**bits - 1) - (sign < 0) for bits in (15, 23, 31) for sign in (1, -1)} | {2**16 - 1, 2**32 - 1}
+"""Least and greatest integer of a converter with 16, 24 or 32 bits."""
 _SLOW = 0.5  # Step, s, above which times without a unit may be in another one
 
 
@@ -93,6 +98,11 @@ def recordings_of(
     needed_columns = [*roles["input"], *roles["output"]]
     missing = [*needed_columns, *(column for column in roles["extra"] if column in spotty)]
     numbers = dict(zip(wanted, table.si(wanted, missing=missing), strict=True))
+    for column in missing:
+        for mark in table.marks:
+            marked = np.isclose(numbers[column], table.unit(column).to_si(np.array(mark)), rtol=1e-12, atol=0.0)
+            numbers[column] = np.where(marked, np.nan, numbers[column])
+    whole = numbers
     kept = _rows_with_values(
         table, {k: numbers[k] for k in needed_columns}, timed=times is not None, allow_gaps=allow_gaps
     )
@@ -143,6 +153,15 @@ def recordings_of(
             f'{error}; if the column "{table.shown(times)}" is not in seconds, state its unit: {offers}',
             offers | error.offers,
         ) from None
+    if table.scale and not table.declared.signals:
+        logger.warning(
+            '%s: a remark in the file says "%s", which is not applied; if the numbers lack this scale, state the unit for which '
+            "they stand, or apply the scale to them",
+            table.path,
+            clipped(table.scale),
+        )
+    for column in needed_columns:
+        _tell_marks(table, column, whole[column], is_input=column in roles["input"])
     if rig is not None:
         for recording in recordings:
             check_command_range(recording, rig.drive)
@@ -170,7 +189,11 @@ def _rows_with_values(table: Table, needed: Mapping[int, Floats], *, timed: bool
         advice = "fill it, or leave such rows out: --allow-gaps, in Python allow_gaps=True"
         offers = ReadOptions(allow_gaps=True)
     more = f" ({count} such rows in all)" if count > 1 else ""
-    raise DataError(f'{table.where(sample)}, column "{table.shown(column)}": there is no value{more}; {advice}', offers)
+    written = next(islice(table.texts(column), sample, None)).strip()
+    why = f", because the file says that {clipped(written)} marks a missing one" if table.marks and written else ""
+    raise DataError(
+        f'{table.where(sample)}, column "{table.shown(column)}": there is no value{why}{more}; {advice}', offers
+    )
 
 
 def _on_rows_read(
@@ -249,6 +272,29 @@ def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
             scale.said,
             scale.began.isoformat(),
         )
+
+
+def _tell_marks(table: Table, column: int, values: Floats, *, is_input: bool) -> None:
+    """Warn of an outermost value of a column (n,) that may mark missing values; commands may also have far levels."""
+    known = values[~np.isnan(values)]
+    found, counts = np.unique(known, return_counts=True)
+    for k in {0, found.size - 1} if found.size > 3 and not table.declared.signals else ():
+        sample = int(np.argmax(values == found[k]))
+        written = next(islice(table.texts(column), sample, None)).strip()
+        usual = _MARK.fullmatch(written) is not None
+        at_limit = written.lstrip("+-").isdecimal() and int(written) in _LIMITS
+        apart = (np.abs(rest - found[k]).min() > _FAR * np.ptp(rest) for rest in (np.delete(found, k), found[1:-1]))
+        far = (usual or at_limit or (counts[k] > 1 and not is_input)) and any(apart)
+        if far or (at_limit and counts[k] > 1):
+            logger.warning(
+                '%s, column "%s": %s stands in %d row%s, %s; if it marks missing values, leave these cells empty',
+                table.where(sample),
+                table.shown(column),
+                clipped(written),
+                counts[k],
+                "s" if counts[k] > 1 else "",
+                "far outside all other values" if far else "the limit of an integer",
+            )
 
 
 def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:

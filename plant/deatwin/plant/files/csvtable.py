@@ -44,7 +44,7 @@ from deatwin.plant.files.csvtext import (
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.optional import reading
 from deatwin.plant.files.formats.table import Declared, Table
-from deatwin.plant.files.headers import for_name, split_unit, split_units
+from deatwin.plant.files.headers import for_name, scale_in, split_unit, split_units
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
@@ -70,6 +70,19 @@ _INTEGER = re.compile(r"[+-]?(0|[1-9]\d{0,2}(\.\d{3})*)")  # Perhaps with points
 _DIGITS = 3  # Number of digits in a group of thousands
 _LISTED = 5  # Largest number of files that an error lists
 _FEW = 1000  # Number of cells that are looked at first
+_MARKS = re.compile(
+    r"(?i)(?:\bno[ _-]?data|\bnull(?=\s*[.:=])|\b(?:missing|fill|invalid|bad|null)[ _-]?(?:data[ _-]?)?(?:value|code|flag|marker|mark|number))"
+    r"(?:[ _-]?value)?[\s\"':=,;.]*(?:is |as |are )?[\s\"':=,;]*(?P<mark>[-+]?\d[\d.]*(?:[eE][-+]?\d+)?)\s*(?:$|[,;:\t)'\"])"
+)
+"""Number that a line above the samples declares to mark missing values: ``NODATA: -999.25``."""
+_WHOLE = re.compile(r"\d{1,10}|(.*\D)?\d?\d:\d\d:\d\d")  # Whole seconds, as a number, a time of day or a date
+_PARTS = (
+    (re.compile(r"(?i)(.*[\W_])?(ms|msec|milli(s|sec|seconds?)?)"), 3),
+    (re.compile(r"(?i)(.*[\W_])?([uµμ]s|usec|micro(s|sec|seconds?)?)"), 6),
+    (re.compile(r"(?i)(.*[\W_])?(ns|nsecs?|nano(s|secs?|seconds?)?)"), 9),
+    (re.compile(r"(?i)(.*[\W_])?frac(tion)?"), 0),
+)
+"""Names of a column with the part of a second behind a column of whole seconds, and the digits of this part."""
 _EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
 _RULED = re.compile(r"(?=.*(?:---|===|[-–]\s*[,;|\t]\s*[-–]))[-–=+:|,;\t ]+")
 """Line that underlines the names, or says of no column that it has a unit."""
@@ -467,6 +480,8 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
     if len(headers) > COLUMNS:
         raise DataError(f"{name}: it has {len(headers)} columns; at most {COLUMNS} can be read")
     above, header = lines[: layout.first], lines[layout.first - 1]
+    remarks = [*above, *filter(is_comment, lines[layout.first : layout.first + _FEW])]
+    marks = tuple(float(match["mark"]) for line in remarks if (match := _MARKS.search(line)))
     rows, lines = rows[layout.first :], lines[layout.first :]
     whole = "".join(lines)  # one search of the whole text is quicker than a test of each line
     if any(mark in whole for mark in ("#", "%", "//")):
@@ -489,6 +504,14 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
             units[k - 1], said[k - 1] = _unit_of_rows(
                 names[k - 1], [split_cells(line, layout.delimiter) for line in lines], k
             )
+    for k in range(1, len(headers)):
+        joined = (
+            _with_parts_of_seconds(lines, layout.delimiter, k, headers[k])
+            if _is_time(names[k - 1], units[k - 1])
+            else None
+        )
+        if joined is not None:
+            lines, units[k], said[k] = joined, "", ""
     return CsvTable(
         path=name,
         sha256=sha256,
@@ -501,7 +524,37 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         lines=lines,
         rows=rows,
         delimiter=layout.delimiter,
+        marks=marks,
+        scale=next((scale for line in remarks if line != header and (scale := scale_in(line))), ""),
     )
+
+
+def _with_parts_of_seconds(lines: list[str], mark: str, column: int, header: str) -> list[str] | None:
+    """Return lines in which whole seconds have the part of a second from the next column; None if it holds no such part.
+
+    >>> _with_parts_of_seconds(["7,980,a", "7,990,b", "8,0,c"], ",", 1, "msec")
+    ['7.980,980,a', '7.990,990,b', '8.000,0,c']
+    """
+    digits = next(
+        (count for name, count in _PARTS if name.fullmatch(split_unit(header)[0]) or name.fullmatch(header)), -1
+    )
+    if digits < 0:
+        return None
+    form = re.compile(rf"\d{{1,{digits}}}" if digits else r"0?[.,]\d+|0")
+    rows, before = [], ("", "")
+    repeats = False
+    for line in lines:
+        cells = split_cells(line, mark)
+        if len(cells) <= column or not form.fullmatch(cells[column]) or not _WHOLE.fullmatch(cells[column - 1]):
+            return None
+        part = cells[column].zfill(digits) if digits else cells[column].replace(",", ".").partition(".")[2] or "0"
+        now = (cells[column - 1], part)
+        if now[0] == before[0] and now[1] <= before[1]:  # a duration, or the times of a faster clock
+            return None
+        repeats = repeats or now[0] == before[0]
+        rows.append([*cells[: column - 1], ".".join(now), *cells[column:]])
+        before = now
+    return [mark.join(row) for row in rows] if repeats else None
 
 
 def _is_time(name: str, unit: str) -> bool:

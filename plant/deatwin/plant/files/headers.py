@@ -86,7 +86,8 @@ _FACTOR = re.compile(
             r"(?<![\d:])10+\s?:\s?1(?!\d|:\d)",  # 1000:1, unlike times of day
             rf"(?:(?<=[^\d\s])|(?<=[^\W\d_]\d))\s?/\s?{_POWER}",  # U/100, U2/100
             r"÷\s?\d[\d.]*",
-            r"(?i:(?<![^\W_])(?:gain|factor|ratio|divider)[\s=:_]*\d{2}[\d.]*)",  # HV (V) gain 1000
+            r"(?i:(?<![^\W_])(?<!/)div(?:ided)?(?:[ _]?by)?[ _]?\d+)",  # x_mm_div10
+            r"(?i:(?<![^\W_])(?:gain|factor|ratio|divider)[\s=:_,;]*\d{2}[\d.]*)",  # HV (V) gain 1000
         )
     )
 )
@@ -174,6 +175,16 @@ def _factor(name: str, header: str) -> str:
         if above and below and below != "s" and (below in electric or (above in electric and not field)):
             return match[0]
     return ""
+
+
+def scale_in(remark: str) -> str:
+    """Return a scale or a factor in a remark above the samples; else an empty text.
+
+    >>> scale_in("# 1 V = 10 kV (Trek)"), scale_in("# gain 2000"), scale_in("# v = 10 mm/s, 12:00:00, C:/a/100.csv")
+    ('1 V = 10 kV', 'gain 2000', '')
+    """
+    found = _factor("", f"){remark}") or _factor(remark, remark)
+    return "" if found.startswith("/") else found
 
 
 def _split(header: str) -> tuple[str, str]:

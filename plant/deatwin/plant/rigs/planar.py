@@ -79,7 +79,7 @@ class Planar(FilmActuator):
         if self.sides == "equal" and self.across != self.prestretch:
             raise RigError(
                 f"equal sides have one prestretch, here are {self.prestretch:g} and {self.across:g}: leave out "
-                'side_prestretch, or take sides="free"'
+                'side_prestretch, or take sides = "free" or "clamped"'
             )
         if self.sides == "free" and self.across < (least := self.prestretch**-0.5) * (1 - ROUNDED):
             raise RigError(

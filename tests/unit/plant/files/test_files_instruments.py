@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files import read_recording
+from deatwin.plant.files import read_recording, read_recordings
 from deatwin.plant.files.understood import understand
 
 DT = 0.02
@@ -589,3 +589,94 @@ def test_commas_between_thousands_beside_decimal_commas_are_asked_for(tmp_path: 
     (tmp_path / "r.csv").write_text("time_s;u_V;y_mm\n" + table(times, volts, readings, mark=";"), "utf-8")
     with pytest.raises(DataError, match=r'column "u_V": "1,086" may mean thousands or a decimal comma'):
         read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+
+
+@pytest.mark.parametrize(
+    "remark", ["# NODATA: {}", "# missing value = {}", "NULL. {} : NULL VALUE", "# fill value is {}"]
+)
+@pytest.mark.parametrize("mark", ["-999.25", "32767"])
+def test_a_mark_that_the_file_declares_is_no_value(tmp_path: Path, remark: str, mark: str) -> None:
+    readings = [mark if k in (20, 41) else y for k, y in enumerate(Y)]
+    rows = table(np.round(T, 2), U, readings)
+    (tmp_path / "r.csv").write_text(
+        f"{remark.format(mark)}\ntime_s,command_V,displacement_mm\n{rows}", encoding="utf-8"
+    )
+    with pytest.raises(DataError, match=rf"row 23, .*the file says that {mark} marks .* \(2 such rows"):
+        read_recording(tmp_path / "r.csv")
+    (*pieces, last) = read_recordings(tmp_path / "r.csv", allow_gaps=True)
+    found = np.concatenate([piece.outputs[0] for piece in (*pieces, last)])
+    np.testing.assert_allclose(found, 1e-3 * np.delete(Y, [20, 41]), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "told"),
+    [
+        (2, {20: "-9999", 41: "-9999"}, "-9999 stands in 2 rows, far outside"),
+        (2, {20: "-99.9999", 30: "99.9999"}, "99.9999 stands in 1 row, far outside"),
+        (2, {20: "77", 41: "77"}, "77 stands in 2 rows, far outside"),
+        (1, {20: "-9999"}, "-9999 stands in 1 row, far outside"),
+        (1, {20: "77", 41: "77"}, ""),  # a level of the command
+        (2, {}, ""),
+    ],
+)
+def test_a_value_that_may_mark_missing_ones_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, column: int, values: dict[int, str], told: str
+) -> None:
+    columns: list[list[object]] = [list(np.round(T, 2)), list(U), list(Y)]
+    for row, value in values.items():
+        columns[column][row] = value
+    (tmp_path / "r.csv").write_text("time_s,command_V,displacement_mm\n" + table(*columns), encoding="utf-8")
+    assert read_recording(tmp_path / "r.csv").n_samples == T.size
+    assert told in caplog.text
+    assert bool(caplog.text) == bool(told)
+
+
+@pytest.mark.parametrize(("limit", "told"), [(32767, True), (-32768, True), (32766, False)])
+def test_the_limit_of_an_integer_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, limit: int, told: bool
+) -> None:
+    counts = [limit if k in (20, 21) else k * np.sign(limit) * 500 for k in range(60)]
+    (tmp_path / "r.csv").write_text("time_s,command_V,adc\n" + table(np.round(T, 2), U, counts), encoding="utf-8")
+    read_recording(tmp_path / "r.csv", output_column="adc")
+    assert (f"{limit} stands in 2 rows, the limit of an integer" in caplog.text) == told
+
+
+SECONDS = 1714550400 + np.floor(T + 0.5).astype(int)
+
+
+@pytest.mark.parametrize(
+    ("names", "whole", "part"),
+    [
+        ("secs,nsecs", SECONDS, [round((t + 0.5) % 1 * 1e9) for t in T]),
+        ("header.stamp.sec,header.stamp.nanosec", SECONDS, [round((t + 0.5) % 1 * 1e9) for t in T]),
+        ("tv_sec,tv_usec", SECONDS, [round((t + 0.5) % 1 * 1e6) for t in T]),
+        ("Time,msec", [f"10:11:{12 + int(t + 0.5)}" for t in T], [f"{round((t + 0.5) % 1 * 1e3):03d}" for t in T]),
+        ("Time,Fraction", [f"10:11:{12 + int(t + 0.5)}" for t in T], [f"{(t + 0.5) % 1:.2f}" for t in T]),
+    ],
+)
+def test_whole_seconds_and_the_parts_of_seconds_are_one_time(
+    tmp_path: Path, names: str, whole: Iterable[object], part: Iterable[object]
+) -> None:
+    (tmp_path / "r.csv").write_text(f"{names},command_V,displacement_mm\n{table(whole, part, U, Y)}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv")
+    assert (found.n_samples, found.sample_time) == (60, pytest.approx(DT))
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-12)
+
+
+def test_a_duration_behind_whole_seconds_is_no_part_of_the_time(tmp_path: Path) -> None:
+    text = "time_s,loop_ms,command_V,displacement_mm\n" + table(range(60), [20] * 60, U, Y)
+    (tmp_path / "r.csv").write_text(text, encoding="utf-8")
+    assert read_recording(tmp_path / "r.csv").sample_time == 1.0
+
+
+def test_a_scale_in_a_remark_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    rows = "time_s,command_V,displacement_mm\n" + plain()
+    for remark, scale in (
+        ("# 1 V = 10 kV", "1 V = 10 kV"),
+        ("Gain:,2000,", "Gain:,2000"),
+        ("# film 100 um, 20 V/um", ""),
+    ):
+        caplog.clear()
+        (tmp_path / "r.csv").write_text(f"{remark}\n{rows}", encoding="utf-8")
+        np.testing.assert_allclose(read_recording(tmp_path / "r.csv").inputs[0], U)
+        assert (f'"{scale}", which is not applied' in caplog.text) == bool(scale)

@@ -201,6 +201,7 @@ from deatwin.plant.files.units import UNITS, find_unit
         ("U (V) (x10)", "U (V)", ""),
         ("U (V) (gain 10)", "U (V)", ""),
         ("U (V) gain 1000", "U gain 1000", ""),
+        ("disp_mm_div10", "disp_div10", ""),
     ],
 )
 def test_the_unit_is_read_off_the_usual_forms(header: str, name: str, unit: str) -> None:

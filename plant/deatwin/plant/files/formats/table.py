@@ -81,6 +81,8 @@ class Table(ABC):
     said: tuple[str, ...] = ()
     wanted: Mapping[int, Unit] = field(default_factory=dict)
     delimiter: str = ","
+    marks: tuple[float, ...] = ()  # Numbers that mark missing values, as the file says
+    scale: str = ""  # Scale or factor in a remark of the file, which is not applied
 
     @abstractmethod
     def texts(self, column: int) -> Iterator[str]:
