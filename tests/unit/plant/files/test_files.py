@@ -225,7 +225,7 @@ class TestWriting:
         os.mkfifo(pipe)
         folder.mkdir()
         for path, kind in ((pipe, "a pipe"), (folder, "a folder")):
-            with pytest.raises(DataError, match=f"{path.name}: is {kind}; give the name of a file"):
+            with pytest.raises(DataError, match=f"{path.name}: this is {kind}; give the name of a file"):
                 write_text_atomic(path, "text")
         assert pipe.is_fifo() and sorted(os.listdir(tmp_path)) == ["folder", "pipe"]
 
