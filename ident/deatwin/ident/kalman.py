@@ -103,6 +103,7 @@ def covariance_root(covariance: Array) -> Array:
 
 
 def frozen(values: Array) -> Array:
+    """Return `values` as a contiguous array of floats that cannot be written to."""
     array = np.ascontiguousarray(values, dtype=np.float64).view()
     array.setflags(write=False)
     return array

@@ -76,6 +76,7 @@ def test_plants_that_differ_in_free_values_share_their_code(base):
             "malformed Diaphragm: the key 'radius' is unknown",
         ),
         ({"rig": {**Diaphragm().to_dict(), "kind": "diaphragm", "material": {}}}, "malformed Material: the key 'name'"),
+        ({"effects": [{"name": "delay", "law": "spectrum"}]}, "delay is not known with a spectrum"),
         ({"effects": None}, "malformed Plant: 'NoneType' object is not iterable"),
         ({"parameters": {"shear_modulus": {}}}, "malformed parameters"),
         ({"parameters": {"shear_modulos": {"value": 2e4}}}, 'did you mean "shear_modulus"'),

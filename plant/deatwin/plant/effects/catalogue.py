@@ -112,5 +112,9 @@ def effect_from(entry: str | Mapping[str, Any]) -> Effect:
     """Return the effect of a model file's entry."""
     if isinstance(entry, str):
         return effect_named(entry)
-    wide = effect_named(entry["name"]).broadened() if entry.get("law") == "spectrum" else None
-    return wide or FreeForm.from_entry(entry)
+    if entry.get("law") != "spectrum":
+        return FreeForm.from_entry(entry)
+    wide = effect_named(str(entry.get("name"))).broadened()
+    if wide is None:
+        raise RigError(f"effect {entry['name']} is not known with a spectrum of relaxation times; write its name alone")
+    return wide

@@ -98,5 +98,5 @@ class RelaxationSpectrum(Spectrum, Relaxation):
         for branch, time in self.branches(build):
             damper = build.state(f"{branch}_displacement", scale=1e-3, start=displacement)
             build.rate(damper, displacement - damper, mass=time)
-            signal -= self.own("stiffness", build) / 3 * (displacement - damper)
+            signal = signal - self.own("stiffness", build) / 3 * (displacement - damper)
         return signal

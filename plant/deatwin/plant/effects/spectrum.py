@@ -13,12 +13,15 @@ from deatwin.plant.effects.base import Builder, Effect, ranged
 class Spectrum(Effect):
     """Effect with three equal branches, whose relaxation times are spread evenly over their logarithm.
 
-    The branches stand for a spectrum that is constant over the logarithm of time (a box distribution), under which a
-    material relaxes in proportion to the logarithm of time; Ferry, Viscoelastic Properties of Polymers (3rd ed., 1980),
-    chapter 3.
+    The branches stand for a spectrum that is constant over the logarithm of time (a box distribution) and half as wide
+    again as `decades`. Under such a spectrum a material relaxes in proportion to the logarithm of time (Ferry,
+    Viscoelastic Properties of Polymers, 3rd ed., 1980, chapter 3). Three branches follow that law without steps while
+    neighbours are at most a decade apart.
     """
 
-    decades: float = field(default=2.0, metadata=ranged("1", 0.0, 5.0))
+    # Branches within half a decade differ from one branch by 2 % of the relaxation at most. Nearer to zero, on which the
+    # response depends by its square alone, no recording could tell the width.
+    decades: float = field(default=2.0, metadata=ranged("1", 0.5, 5.0))
     """Common logarithm of the ratio of the longest relaxation time to the shortest."""
 
     def branches(self, build: Builder) -> Iterator[tuple[str, Any]]:

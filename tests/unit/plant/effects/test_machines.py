@@ -103,7 +103,7 @@ def test_a_spectrum_has_the_sizes_of_the_rig() -> None:
     wide = slow.of(Relaxation()).broadened()
     assert isinstance(wide, RelaxationSpectrum)
     assert (wide.described("time").upper, wide.described("stiffness").upper) == pytest.approx((600e3, 300.0))
-    assert wide.described("decades").upper == 5.0
+    assert (wide.described("decades").lower, wide.described("decades").upper) == (0.5, 5.0)
 
 
 def test_relaxation_starts_between_the_sample_and_the_record() -> None:
