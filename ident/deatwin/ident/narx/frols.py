@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deatwin.ident.arguments import probability, whole_number
+from deatwin.ident.arguments import one_of, probability, whole_number
 from deatwin.ident.narx.estimate import Estimator, least_squares, require_estimator
 from deatwin.ident.narx.forward import (
     CRITERIA,
@@ -20,10 +20,8 @@ from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.plant.arrays import Array
-from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-_KNOWN = (*CRITERIA, "free_run", "none")
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -105,10 +103,7 @@ class Frols(CandidateSearch):
     estimator: Estimator = least_squares
 
     def _check(self) -> None:
-        if self.criterion not in _KNOWN:
-            raise ModelError(
-                f"criterion = {self.criterion!r}{nearest(self.criterion, _KNOWN)}; known are {', '.join(_KNOWN)}"
-            )
+        one_of(self.criterion, "criterion", (*CRITERIA, "free_run", "none"))
         whole_number(self.max_terms, "max_terms")
         probability(self.held_out, "held_out")
         require_estimator(self.estimator)

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import positive, whole_number
+from deatwin.ident.arguments import one_of, positive, whole_number
 from deatwin.ident.narx.bayes import FLAT, Posterior, Priors, RelevanceFit, Statistics, fit_relevance
 from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.fixed import Fixed
@@ -20,7 +20,7 @@ from deatwin.ident.narx.terms import Term
 from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new
-from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 _NAMED = 10  # most paths with a label of their own, as many as there are colours
@@ -203,10 +203,7 @@ class SvbNarx(CandidateSearch):
         return super()._notes(recordings) + (() if settled else (late,))
 
     def _check(self) -> None:
-        if self.clean_up not in _CLEAN_UPS:
-            raise ModelError(
-                f"clean_up = {self.clean_up!r}{nearest(self.clean_up, _CLEAN_UPS)}; known are {', '.join(_CLEAN_UPS)}"
-            )
+        one_of(self.clean_up, "clean_up", _CLEAN_UPS)
         for name in ("resolution", "a0", "b0", "c0", "d0", "tolerance"):
             positive(getattr(self, name), name)
         if self.resolution <= 1:
