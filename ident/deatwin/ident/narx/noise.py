@@ -137,14 +137,12 @@ class Narmax(NarxIdentifier):
         terms: tuple[Term, ...] = ()
         fit = self._fit(process, terms)
         noise = _long_errors(process) if given is None else fit.noise
-        try:
+        with self._keeping():
             for share in (0.6, 0.8) if given is None else (0.6,):
                 chosen = self._choose(process, candidates, noise) if given is None else given
                 progress(share, f"noise model of {len(chosen)} terms")
                 terms, fit = chosen, self._fit(process, chosen)
                 noise = fit.noise
-        except KeyboardInterrupt:
-            self.status_ = FitStatus.INTERRUPTED
         self.noise_terms_, self.changes_ = terms, np.array(fit.changes)
         if self.status_ is FitStatus.DONE and not fit.converged:
             self.status_ = FitStatus.NOT_CONVERGED

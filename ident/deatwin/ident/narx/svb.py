@@ -13,7 +13,7 @@ from deatwin.ident.arguments import one_of, positive, whole_number
 from deatwin.ident.narx.bayes import FLAT, Posterior, Priors, RelevanceFit, Statistics, fit_relevance
 from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.fixed import Fixed
-from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
+from deatwin.ident.narx.identifier import CandidateSearch, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term
@@ -250,16 +250,12 @@ class SvbNarx(CandidateSearch):
         steps: list[PruningStep] = []
         candidates = statistics.moment.size
         part = _PRUNING if self.clean_up == "evidence" else 1.0
-        try:
+        with self._keeping(lambda: steps):
             for step in self._steps(data, statistics):
                 steps.append(step)
                 left = step.indices.size
                 # The cost of a fit grows with the cube of its terms.
                 progress(part * (1 - (left / candidates) ** 3), f"{left} terms, lower bound {step.lower_bound:.6g}")
-        except KeyboardInterrupt:
-            if not steps:
-                raise
-            self.status_ = FitStatus.INTERRUPTED
         return tuple(steps)
 
     def _steps(self, data: Regression, statistics: Statistics) -> Iterator[PruningStep]:
@@ -298,7 +294,7 @@ class SvbNarx(CandidateSearch):
         """Return the move to the most probable structure found; None if it was interrupted before the first."""
         best: Move | None = None
         made = 0
-        try:
+        with self._keeping():
             start = max((step.indices for step in steps), key=lambda indices: log_odds(statistics, indices))
             for beginning in (start, steps[-1].indices):
                 for move in climb(statistics, beginning):
@@ -307,8 +303,6 @@ class SvbNarx(CandidateSearch):
                     made += 1
                     share = 1 - (1 - _PRUNING) / (made + 1)  # the number of moves is not known beforehand
                     progress(share, f"clean-up: {move.chosen.size} terms, log-odds {move.log_odds:.6g}")
-        except KeyboardInterrupt:
-            self.status_ = FitStatus.INTERRUPTED
         return best
 
     def plot(self, ax: Axes | None = None) -> Axes:
