@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.plant.errors import ModelError
+from deatwin.plant.errors import ModelError, nearest
 
 _OTHERS = {"c": "complex numbers", "b": "truth values", "U": "text", "S": "text"}
 
@@ -61,6 +62,12 @@ def whole_number(value: Any, name: str, least: int = 1, most: int | None = None)
         wanted = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise ModelError(f"{name} = {value!r}; it must be an integer {wanted}")
     return int(value)
+
+
+def one_of(value: Any, name: str, known: Sequence[str]) -> None:
+    """Raise an error unless a value is one of the known choices."""
+    if value not in known:
+        raise ModelError(f"{name} = {value!r}{nearest(str(value), known)}; known are {', '.join(known)}")
 
 
 def positive(value: Any, name: str) -> float:

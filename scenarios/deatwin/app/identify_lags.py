@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from deatwin.ident.narx import NarxIdentifier, NarxModel
-    from deatwin.ident.narx.preprocess import DeadTime
-    from deatwin.plant.recording import Recording
+import numpy as np
 
+from deatwin.ident.narx import NarxIdentifier, NarxModel
+from deatwin.ident.narx.preprocess import DeadTime, DeadTimeStatus, estimate_dead_time, lags_after
+from deatwin.ident.narx.unstable import poles_at
+from deatwin.plant.recording import Recording
 
 FIRST, LAST = 0, 2  # First and last input lag if there is no dead time
 _WITHIN = (
@@ -46,42 +47,37 @@ class InputLags:
 
 def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: int | None) -> InputLags:
     """Return the requested input lags or, without a request, three from each dead time on."""
-    from deatwin.ident.narx.preprocess import DeadTimeStatus, estimate_dead_time, lags_after
-
     usual = tuple(range(FIRST if first is None else first, (LAST if last is None else last) + 1))
     longest = max(usual, default=0)
     dead_times = estimate_dead_time(recordings)
-    said = [str(one) for one in dead_times]
     told = [one for one in dead_times if one.status is not DeadTimeStatus.ALIKE]
     late = [one for one in told if (ends := one.interval) and (ends[0] > 1 or ends[1] > longest)]
-    if first is None and last is None:
-        if not late:
-            # A lag before the dead time could enter the model only by chance, or as the controller's response.
-            loop = any(one.status is DeadTimeStatus.LOOP for one in dead_times)
-            none_at_once = all(one.status is DeadTimeStatus.FOUND and one.interval != (0, 1) for one in dead_times)
-            lags = tuple(lag for lag in usual if lag or not (none_at_once or loop))
-            if loop:
-                said.append(f"{_WITHIN}; the candidate input lags are {_written(lags)}")
-            return InputLags(lags=lags, dead_times=dead_times, sentences=tuple(said))
+    said = [str(one) for one in dead_times]
+    if first is not None or last is not None:
+        lags = usual
+        missed = [one.interval for one in late if one.interval is not None and one.interval[0] > longest]
+        if missed:
+            low, high = min(one[0] for one in missed), max(one[1] for one in missed)
+            said.append(
+                f"the given input lags end at {longest}, before the input has any effect; take "
+                f"--first-input-lag {low} --input-lags {high + LAST}"
+            )
+    elif late:
         early = len(late) < len(dead_times) or any(one.interval is not None and one.interval[0] == 0 for one in late)
-        shifted = set(lags_after(late, len(usual))) | (set(usual) if early else set())
-        lags = tuple(sorted(shifted))
+        lags = tuple(sorted({*lags_after(late, len(usual)), *(usual if early else ())}))
         said.append(f"the candidate input lags are therefore {_written(lags)}")
-        return InputLags(lags=lags, dead_times=dead_times, sentences=tuple(said))
-    missed = [one.interval for one in late if one.interval is not None and one.interval[0] > longest]
-    if missed:
-        low, high = min(one[0] for one in missed), max(one[1] for one in missed)
-        said.append(
-            f"the given input lags end at {longest}, before the input has any effect; take "
-            f"--first-input-lag {low} --input-lags {high + LAST}"
-        )
-    return InputLags(lags=usual, dead_times=dead_times, sentences=tuple(said))
+    else:
+        # A lag before the dead time could enter the model only by chance, or as the controller's response.
+        loop = any(one.status is DeadTimeStatus.LOOP for one in dead_times)
+        none_at_once = all(one.status is DeadTimeStatus.FOUND and one.interval != (0, 1) for one in dead_times)
+        lags = tuple(lag for lag in usual if lag or not (none_at_once or loop))
+        if loop:
+            said.append(f"{_WITHIN}; the candidate input lags are {_written(lags)}")
+    return InputLags(lags=lags, dead_times=dead_times, sentences=tuple(said))
 
 
 def disagreements(model: NarxModel, found: InputLags, *, by_free_run: bool) -> list[str]:
     """Return a sentence for each input that is not in the model, or starts outside the interval of its dead time."""
-    from deatwin.ident.narx.preprocess import DeadTimeStatus
-
     acting = (DeadTimeStatus.FOUND, DeadTimeStatus.AT_ONCE, DeadTimeStatus.LOOP)
     said = []
     for row, one in enumerate(found.dead_times):
@@ -123,10 +119,6 @@ def bounded(
 ) -> tuple[NarxIdentifier, tuple[str, ...]]:
     """Return an identifier whose model runs free over its data, and sentences on what this required."""
     # A lag with an unstable negative pole, which no continuous plant has, imitates later inputs after a sharp low pass.
-    import numpy as np
-
-    from deatwin.ident.narx.unstable import poles_at
-
     if not _diverges(identifier.model_, training):
         return identifier, ()
     pole = poles_at(identifier.model_, training)[:1]

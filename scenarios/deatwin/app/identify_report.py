@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import typer
 
 from deatwin.app.identify_periodic import periodic_drawing
 from deatwin.ident.look import BestLinearApproximation
 from deatwin.ident.narx import NarxModel, NarxResponse, Unstable, Validation
+from deatwin.ident.narx.linear import OutputError
 from deatwin.ident.narx.variables import symbols_of
 from deatwin.ident.narx.written import origins, shown_units
 from deatwin.ident.nss import NonlinearStateSpace
@@ -23,6 +27,7 @@ from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing, Hue, draw
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
 from deatwin.studies.report.tables import drawn_table
+from deatwin.studies.voice import complain
 
 NEXT = {
     True: "use the model for inputs within the recorded range and frequencies.",
@@ -31,6 +36,18 @@ NEXT = {
 """Advice, by whether all measures are reached."""
 MOST = 6  # Most recordings that have a figure of their own
 ROW = 0.3  # Height of a term's row, in inches
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Data:
+    """Recordings, with the parts to which a model is fitted and the held-out parts that judge it."""
+
+    whole: Sequence[Recording]  # As recorded
+    records: Sequence[Recording]  # Decimated, if that was requested
+    training: Sequence[Recording]
+    unseen: Sequence[Recording]
+    notes: Sequence[str]  # Notes on the sampling
+    periodic: BestLinearApproximation | None  # Set for periodic recordings
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,14 +70,26 @@ class Identified:
 
     model: NarxModel | NonlinearStateSpace
     told: str  # Kind, size and method of the model, in words
-    unseen: Sequence[Recording]  # Held-out part of each recording
+    data: Data
     tested: Tested
-    complete: bool = True  # False if the search for terms was interrupted
-    notes: Sequence[str] = ()  # Notes on the fit
-    clocks: Sequence[str] = ()  # Notes on the sampling of the recordings
-    linear: Sequence[float] = ()  # Free-run error of a linear model on each held-out part, SI; empty if there is none
+    complete: bool  # False if the search for terms was interrupted
+    notes: Sequence[str]  # Notes on the fit
+    input_lags: Sequence[int]  # Lags of the linear model with which this one is compared
+    output_lags: int
     linear_as: str = "with the same lags"  # What that model has in common with this one
-    best_linear: BestLinearApproximation | None = None  # Set for periodic recordings
+
+    @cached_property
+    def linear(self) -> Sequence[float]:
+        """Free-run error of a linear output-error model on each held-out part, SI; empty if there is no such model."""
+        if self.tested.pole is not None or len(self.data.training[0].outputs) > 1:
+            return []
+        try:
+            found = OutputError(nb=len(self.input_lags), nf=self.output_lags, nk=min(self.input_lags))
+            model = found.fit(self.data.training).model_
+            runs = [model.simulate(part) for part in self.data.unseen]
+        except ModelError:
+            return []
+        return [run.rms_error for run in runs] if all(run.status.ok for run in runs) else []
 
     @property
     def scale(self) -> float:
@@ -99,17 +128,28 @@ class Identified:
         return f"{value / self.scale:.3g} {self.unit}".rstrip()
 
 
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """End the command if a fit is interrupted before it has a model."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        complain("interrupted before a model was found; nothing was written")
+        raise typer.Exit(130) from None
+
+
 def write_identified(found: Identified, folder: ResultFolder, record: RunRecord) -> None:
     """Write figures' data, the report and the record."""
-    runs = [found.run(part) for part in found.unseen]
-    pairs = enumerate(zip(found.unseen[:MOST], runs, strict=False), start=1)
+    data = found.data
+    runs = [found.run(part) for part in data.unseen]
+    pairs = enumerate(zip(data.unseen[:MOST], runs, strict=False), start=1)
     drawings = [_free_run(found, number, part, run) for number, (part, run) in pairs]
     tables, model = [], found.model
     if isinstance(model, NarxModel):
         drawings.append(_terms(model))
         tables.append(_table(model))
-    if found.best_linear is not None:
-        drawings.append(periodic_drawing(found.best_linear))
+    if data.periodic is not None:
+        drawings.append(periodic_drawing(data.periodic))
     if found.tested.validation is not None and found.tested.validation.tests:
         drawings.append(_tests(found.tested.validation))
     rows = _rows(found, runs)
@@ -128,8 +168,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     more = [] if unstable is None else unstable.sentences(found.model.output_units)
     paragraphs = [as_sentence(text) for text in (said, *more)]
     notes = [Note(title="Residual", paragraphs=paragraphs)]
-    if found.clocks:
-        notes.append(Note(title="Sampling", paragraphs=[f"{said}." for said in found.clocks]))
+    if data.notes:
+        notes.append(Note(title="Sampling", paragraphs=[f"{said}." for said in data.notes]))
     if not found.complete:
         notes.append(
             Note(title="Interrupted", paragraphs=["The search for terms was interrupted before it was complete."])
@@ -156,22 +196,6 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     write_story(folder, page, record)
     folder.remove_former(r"figures/\w+\.csv")
     record.save(folder)
-
-
-def linear_errors(
-    lags: Sequence[int], output_lags: int, training: Sequence[Recording], unseen: Sequence[Recording]
-) -> list[float]:
-    """Return free-run errors, SI, on each held-out part, of an output-error model with these lags; empty if it fails."""
-    from deatwin.ident.narx.linear import OutputError
-
-    if len(training[0].outputs) > 1:
-        return []
-    try:
-        model = OutputError(nb=len(lags), nf=output_lags, nk=min(lags)).fit(training).model_
-        runs = [model.simulate(part) for part in unseen]
-    except ModelError:
-        return []
-    return [run.rms_error for run in runs] if all(run.status.ok for run in runs) else []
 
 
 def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse) -> Drawing:
@@ -237,7 +261,7 @@ def _tests(validation: Validation) -> Drawing:
 
 def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
     rows = []
-    for part, run in zip(found.unseen, runs, strict=True):
+    for part, run in zip(found.data.unseen, runs, strict=True):
         moved = float(np.std(run.measured[0]))
         rows.append(
             Measure(
@@ -247,7 +271,7 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
                 run.status.ok and run.rms_error < moved,
             )
         )
-    for part, run, linear in zip(found.unseen, runs, found.linear, strict=bool(found.linear)):
+    for part, run, linear in zip(found.data.unseen, runs, found.linear, strict=bool(found.linear)):
         rows.append(
             Measure(
                 f"{found.judged} compared with a linear model, {label(part)}",

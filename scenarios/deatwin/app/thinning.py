@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deatwin.app.identify_lags import OUTPUT_LAGS, choose_input_lags
 from deatwin.ident.narx import Frols, NarxModel
 from deatwin.ident.narx.preprocess import SamplingChoice, SamplingStatus, choose_sampling, decimate
 from deatwin.ident.narx.reliance import hold_out
@@ -63,8 +64,6 @@ def advised(records: Sequence[Recording], choice: SamplingChoice) -> bool:
 
 def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recording]) -> list[str]:
     """Return a sentence if a linear model of the `whole` recordings is clearly better than the decimated model."""
-    from deatwin.app.identify_lags import OUTPUT_LAGS, choose_input_lags
-
     if model.sample_time == whole[0].sample_time:
         return []
     training, ends = hold_out(whole)

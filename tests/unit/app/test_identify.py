@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from deatwin.app.cli import main
-from deatwin.app.identify_noise import biased_by_noise
+from deatwin.app.identify_narx import biased_by_noise
 from deatwin.ident.narx import SvbNarx
 from deatwin.ident.narx.reliance import hold_out
 from deatwin.ident.nss import NonlinearStateSpace, search

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from deatwin.app import identify_lags
 from deatwin.app.cli import main
 from deatwin.app.identify_lags import choose_input_lags, disagreements
-from deatwin.ident.narx import NarxModel, preprocess
+from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.preprocess import estimate_dead_time
 from deatwin.plant.files import write_recording
 from deatwin.plant.recording import Recording
@@ -49,7 +50,7 @@ def test_lags_reach_beyond_a_dead_time_that_may_be_short_or_long(monkeypatch):
     (found,) = estimate_dead_time(late(25))
     for first, lags in ((0, tuple(range(8))), (1, tuple(range(1, 8)))):
         wide = replace(found, probabilities=[float(first <= lag <= 5) for lag in range(10)])
-        monkeypatch.setattr(preprocess, "estimate_dead_time", lambda _, wide=wide: (wide,))
+        monkeypatch.setattr(identify_lags, "estimate_dead_time", lambda _, wide=wide: (wide,))
         assert choose_input_lags([late(25)], None, None).lags == lags
 
 

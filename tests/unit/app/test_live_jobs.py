@@ -17,7 +17,7 @@ import pytest
 from deatwin.app.cli import main
 from deatwin.app.live import jobs, worker
 from deatwin.app.live.desk import Desk
-from deatwin.app.live.jobs import MOST_RUNNING, Board, Diagnosing, Job, Planning, State
+from deatwin.app.live.jobs import MOST_RUNNING, Board, Job, Order, State
 from deatwin.plant.errors import DataError
 from deatwin.plant.readoptions import ReadOptions
 
@@ -52,8 +52,8 @@ def board(root: Path, code: str) -> Board:
     return Board(root, [sys.executable, "-c", code])
 
 
-def order(**changed: Any) -> Diagnosing:
-    return replace(Diagnosing(rig="rig.toml", recordings=("noise.csv",), out="found"), **changed)
+def order(**changed: Any) -> Order:
+    return replace(Order(command="diagnose", rig="rig.toml", recordings=("noise.csv",), out="found"), **changed)
 
 
 def until(true: Callable[[], bool]) -> None:
@@ -96,17 +96,17 @@ def test_a_job_gets_the_arguments_of_the_command(root):
     assert (parsed["allow_gaps"], parsed["seed"], parsed["dt"]) == (True, 3, 0.02)
 
 
-@pytest.mark.parametrize(("commands", "files"), [("-a.csv", "rig.toml ./-a.csv"), ("", "rig.toml")])
+@pytest.mark.parametrize(("commands", "files"), [(("-a.csv",), "rig.toml ./-a.csv"), ((), "rig.toml")])
 def test_a_plan_reads_commands_only(commands, files):
-    asked = Planning(rig="rig.toml", out="planned", commands=commands, reading=ReadOptions(output_column="y", dt=0.02))
+    asked = order(command="plan", out="planned", recordings=commands, reading=ReadOptions(output_column="y", dt=0.02))
     assert asked.arguments == f"plan {files} --out planned --seed 0 --dt=0.02".split()
     parsed = worker._parse(asked.arguments)
-    assert str(parsed["commands"] or "") == commands
+    assert str(parsed["commands"] or "") == "".join(commands)
 
 
 def test_a_plan_needs_no_recording_but_a_rig(root):
     with pytest.raises(DataError, match=r"^choose a rig file$"):
-        board(root, QUICK).start(Planning(rig="", out="planned"))
+        board(root, QUICK).start(order(command="plan", rig="", recordings=()))
 
 
 def test_a_failed_job_says_why_and_leaves_no_folder(root):

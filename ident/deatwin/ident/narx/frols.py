@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deatwin.ident.arguments import probability, whole_number
+from deatwin.ident.arguments import one_of, probability, whole_number
 from deatwin.ident.narx.estimate import Estimator, least_squares, require_estimator
 from deatwin.ident.narx.forward import (
     CRITERIA,
@@ -16,14 +16,12 @@ from deatwin.ident.narx.forward import (
     free_run_errors,
     split,
 )
-from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
+from deatwin.ident.narx.identifier import CandidateSearch, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.plant.arrays import Array
-from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-_KNOWN = (*CRITERIA, "free_run", "none")
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -105,10 +103,7 @@ class Frols(CandidateSearch):
     estimator: Estimator = least_squares
 
     def _check(self) -> None:
-        if self.criterion not in _KNOWN:
-            raise ModelError(
-                f"criterion = {self.criterion!r}{nearest(self.criterion, _KNOWN)}; known are {', '.join(_KNOWN)}"
-            )
+        one_of(self.criterion, "criterion", (*CRITERIA, "free_run", "none"))
         whole_number(self.max_terms, "max_terms")
         probability(self.held_out, "held_out")
         require_estimator(self.estimator)
@@ -145,29 +140,21 @@ class Frols(CandidateSearch):
         """Choose terms one by one; after an interrupt, keep those already chosen."""
         steps: list[SelectionStep] = []
         share = 0.2 if self.criterion == "free_run" else 1.0
-        try:
+        with self._keeping(lambda: steps):
             for step in forward_selection(rows, target, self.max_terms):
                 steps.append(step)
                 done = share * len(steps) / self.max_terms
                 progress(done, f"term {len(steps)}, {step.err:.3%} of the output explained")
-        except KeyboardInterrupt:
-            if not steps:
-                raise
-            self.status_ = FitStatus.INTERRUPTED
         return steps
 
     def _free_run_errors(self, path: Regression, held_out: tuple[Recording, ...], progress: Progress) -> Array:
         """Return mean squared free-run errors on held-out data of models with the first 1, 2, ... chosen terms."""
         rows, target = path.matrix()
         errors = np.full(len(rows), np.inf)
-        try:
+        with self._keeping(lambda: np.isfinite(errors).any()):
             for k in range(1, len(rows) + 1):
                 theta = np.zeros((1, len(rows)))
                 theta[0, :k] = self.estimator(rows[:k], target).theta
                 errors[k - 1] = free_run_errors(path.only(range(k)), held_out, theta[:, :k])[0]
                 progress(0.2 + 0.8 * k / len(rows), f"free run with {k} terms")
-        except KeyboardInterrupt:
-            if not np.isfinite(errors).any():
-                raise
-            self.status_ = FitStatus.INTERRUPTED
         return errors * path.output_scale**2

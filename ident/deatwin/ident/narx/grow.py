@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,7 +96,7 @@ class Grow(CandidateSearch):
         single = single_output(data)
         found: list[tuple[NarxModel, GrowSearch]] = []
         search = None
-        with self._interrupt_noted():
+        with self._keeping():
             for number, part in enumerate(self._parts(single)):
                 search = GrowSearch(part, max_terms=self.max_terms, held_out=self.held_out)
                 search.run(_part_of(progress, number, self.parts))
@@ -113,7 +113,7 @@ class Grow(CandidateSearch):
             )
         model, search = min(found, key=lambda one: run_error(one[0], single.recordings))
         if self.status_.ok:
-            with self._interrupt_noted():
+            with self._keeping():
                 model = with_correlated_error(model, single.recordings)
                 if not at_least_error(model, single.recordings):
                     self.status_ = FitStatus.NOT_CONVERGED
@@ -149,14 +149,6 @@ class Grow(CandidateSearch):
             replace(data, recordings=tuple(record.section(i * n, (i + 1) * n) for record, n in pairs))
             for i in range(self.parts)
         ]
-
-    @contextmanager
-    def _interrupt_noted(self) -> Iterator[None]:
-        """End the inner work on Ctrl-C, and state that in the status."""
-        try:
-            yield
-        except KeyboardInterrupt:
-            self.status_ = FitStatus.INTERRUPTED
 
 
 def _renamed(step: GrowStep, named: Mapping[Term, Term]) -> GrowStep:

@@ -6,7 +6,8 @@ import copyreg
 import inspect
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, Self
@@ -260,6 +261,16 @@ class NarxIdentifier(Identifier, ABC):
         """Return the notes on the fit to these recordings."""
         model = self.model_
         return excess_notes(model, recordings) + noisy_products(model, recordings) + late_inputs(model, recordings)
+
+    @contextmanager
+    def _keeping(self, found: Callable[[], Any] = lambda: True) -> Iterator[None]:
+        """Let Ctrl-C end the work inside, and say so in the status; it reaches the caller if nothing was found yet."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            if not found():
+                raise
+            self.status_ = FitStatus.INTERRUPTED
 
     @abstractmethod
     def _check(self) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from deatwin.ident.arguments import probability, whole_number
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.forward import free_run_errors, split
-from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
+from deatwin.ident.narx.identifier import CandidateSearch, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term
@@ -123,7 +123,7 @@ class Lasso(CandidateSearch):
             rows, target, centred=constant is not None, max_knots=_KNOTS * self.max_terms
         )
         errors, chosen = np.full(penalties.size, np.inf), (-1, [0])
-        try:
+        with self._keeping(lambda: chosen[0] >= 0):
             for knot in range(penalties.size):
                 support = [int(i) for i in taking_part[coefficients[:, knot] != 0]]
                 for structure in self._structures(support, constant):
@@ -132,10 +132,6 @@ class Lasso(CandidateSearch):
                         chosen = (knot, structure)
                     errors[knot] = min(errors[knot], error)
                 progress((knot + 1) / penalties.size, f"knot {knot + 1}, {len(support)} terms")
-        except KeyboardInterrupt:
-            if chosen[0] < 0:
-                raise
-            self.status_ = FitStatus.INTERRUPTED
         self.path_ = LassoPath(
             terms=tuple(data.table.terms[i] for i in taking_part),
             penalties=penalties,

@@ -8,7 +8,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from deatwin.ident.arguments import positive, whole_number
+from deatwin.ident.arguments import one_of, positive, whole_number
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.forward import CRITERIA, criterion_values, forward_selection
@@ -16,11 +16,9 @@ from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.prediction_error import NoiseFit, noise_rows, prediction_error_fit, spread
 from deatwin.ident.narx.regression import Recordings, Regression
-from deatwin.ident.narx.terms import ChannelLags, Term, TermTable, Variable, lag_list, require_terms
+from deatwin.ident.narx.terms import ChannelLags, Term, TermTable, Variable, channel_numbers, lag_list, require_terms
 from deatwin.plant.arrays import Array
-from deatwin.plant.errors import ModelError, nearest
-
-_KNOWN = (*CRITERIA, "none")
+from deatwin.plant.errors import ModelError
 
 
 @dataclass(eq=False, repr=False)
@@ -116,10 +114,7 @@ class Narmax(NarxIdentifier):
             require_terms(self.noise_terms, "noise_terms", '["e(k-1)", "e(k-2)"]')
         if not lag_list(self.noise_lags, smallest=1):
             raise ModelError("noise_lags gives no lag at all; a noise model needs e(k-1) or later")
-        if self.criterion not in _KNOWN:
-            raise ModelError(
-                f"criterion = {self.criterion!r}{nearest(self.criterion, _KNOWN)}; known are {', '.join(_KNOWN)}"
-            )
+        one_of(self.criterion, "criterion", (*CRITERIA, "none"))
         for name, least in (("noise_degree", 1), ("max_noise_terms", 0), ("max_iterations", 1)):
             whole_number(getattr(self, name), name, least)
         positive(self.tolerance, "tolerance")
@@ -142,14 +137,12 @@ class Narmax(NarxIdentifier):
         terms: tuple[Term, ...] = ()
         fit = self._fit(process, terms)
         noise = _long_errors(process) if given is None else fit.noise
-        try:
+        with self._keeping():
             for share in (0.6, 0.8) if given is None else (0.6,):
                 chosen = self._choose(process, candidates, noise) if given is None else given
                 progress(share, f"noise model of {len(chosen)} terms")
                 terms, fit = chosen, self._fit(process, chosen)
                 noise = fit.noise
-        except KeyboardInterrupt:
-            self.status_ = FitStatus.INTERRUPTED
         self.noise_terms_, self.changes_ = terms, np.array(fit.changes)
         if self.status_ is FitStatus.DONE and not fit.converged:
             self.status_ = FitStatus.NOT_CONVERGED
@@ -166,7 +159,7 @@ class Narmax(NarxIdentifier):
             return None
         record = data.recordings[0]
         table = Fixed(terms=self.noise_terms)._table(record, data.output)
-        own = data.output + 1 if len(record.outputs) > 1 else 0
+        own = channel_numbers(len(record.outputs))[data.output]
         for term in table.terms:
             noise = [v for v, _ in term.factors if v.kind == "e"]
             if not noise or any(v.channel != own and (v.channel, own) != (1, 0) for v in noise):
@@ -192,8 +185,8 @@ class Narmax(NarxIdentifier):
 
 def _candidates(data: Regression, lags: tuple[int, ...], degree: int) -> TermTable:
     """Return all products of the candidates' lagged signals and of e that contain e."""
-    outputs = len(data.recordings[0].outputs)
-    noise = [Variable("e", data.output + 1 if outputs > 1 else 0, lag) for lag in lags]
+    own = channel_numbers(len(data.recordings[0].outputs))[data.output]
+    noise = [Variable("e", own, lag) for lag in lags]
     plain = [v for v in data.table.variables if v.shape is None]
     products = (
         Term.product(chosen)
@@ -206,13 +199,11 @@ def _candidates(data: Regression, lags: tuple[int, ...], degree: int) -> TermTab
 def _long_errors(process: Regression) -> tuple[Array, ...]:
     """Return e, (n_outputs, n) by recording, of many lags (Hannan, Rissanen, Biometrika 69 (1982) 81-94)."""
     record = process.recordings[0]
-    outputs, inputs = len(record.outputs), len(record.inputs)
+    inputs = channel_numbers(len(record.inputs))
     shortest = min(r.n_samples for r in process.recordings)
-    longest = max(1, min(max(10, 3 * process.first), shortest // 3, process.n_samples // (4 + 4 * inputs)))
-    lagged = [Variable("y", process.output + 1 if outputs > 1 else 0, lag) for lag in range(1, longest + 1)]
-    lagged += [
-        Variable("u", row + 1 if inputs > 1 else 0, lag) for row in range(inputs) for lag in range(1, longest + 1)
-    ]
+    longest = max(1, min(max(10, 3 * process.first), shortest // 3, process.n_samples // (4 + 4 * len(inputs))))
+    signals = [("y", channel_numbers(len(record.outputs))[process.output]), *(("u", number) for number in inputs)]
+    lagged = [Variable(kind, number, lag) for kind, number in signals for lag in range(1, longest + 1)]
     terms = dict.fromkeys([*process.table.terms, *(Term.product([variable]) for variable in lagged)])
     table = TermTable(tuple(terms))
     long = replace(process, table=table, first=max(process.first, table.max_lag))

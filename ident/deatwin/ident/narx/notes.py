@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,37 +49,44 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
 
     longest = max(record.n_samples for record in recordings)
     recordings = [record for record in recordings if record.n_samples > longest // 4]  # enough for the examined lags
-    said = []
-    told = (DeadTimeStatus.FOUND, DeadTimeStatus.LOOP)
     predicted = [model.predict(record) for record in recordings]
-    for column in range(len(model.input_names)):
-        inputs = _whitened([record.inputs[column] for record in recordings])
-        for row in range(model.n_outputs):
-            terms = [term for term, equation in zip(model.terms, model.equations, strict=True) if equation == row]
-            last = last_lag(terms, column)
-            most = min(last + _BEYOND, longest // 4)
-            if most <= last:
-                continue
-            outputs = _whitened([record.outputs[row] for record in recordings])
-            seen = np.flatnonzero(_scores(inputs, outputs, most) > _SEEN)
-            if not seen.size or seen[0] <= last:
-                continue
-            residuals = [response.residuals[row] for response in predicted]
-            left = [  # on the clock of the recordings, with zeros before them
-                np.r_[np.zeros(record.n_samples - e.size), e - e.mean()]
-                for record, e in zip(recordings, residuals, strict=True)
-            ]
-            if np.max(_scores(inputs, left, most)[last + 1 :]) <= _SEEN:
-                continue
-            one = _dead_times(tuple(recordings), row)[column]
-            if one.status in told and one.interval is not None and one.interval[0] > last:
-                there = (
-                    f"later than its last lag in the model, {last}" if last >= 0 else "and is in no term of the model"
-                )
-                advice = f": allow lags {one.interval[0]} to {one.interval[1] + 2} of {one.input_name}"
-                known = one.interval[1] <= _competed(model, column)
-                said.append(f"{one}, {there}{', although such lags were candidates' if known else advice}")
+    said = []
+    for column, row in product(range(len(model.input_names)), range(model.n_outputs)):
+        last = last_lag(_terms_of(model, row), column)
+        residuals = [response.residuals[row] for response in predicted]
+        if not _acts_late(recordings, residuals, (column, row), last, min(last + _BEYOND, longest // 4)):
+            continue
+        one = _dead_times(tuple(recordings), row)[column]
+        told = one.status in (DeadTimeStatus.FOUND, DeadTimeStatus.LOOP)
+        if told and one.interval is not None and one.interval[0] > last:
+            there = f"later than its last lag in the model, {last}" if last >= 0 else "and is in no term of the model"
+            advice = f": allow lags {one.interval[0]} to {one.interval[1] + 2} of {one.input_name}"
+            known = one.interval[1] <= _competed(model, column)
+            said.append(f"{one}, {there}{', although such lags were candidates' if known else advice}")
     return tuple(said)
+
+
+def _acts_late(
+    recordings: Sequence[Recording], residuals: Sequence[Array], place: tuple[int, int], last: int, most: int
+) -> bool:
+    """Return whether an output, and what a model leaves of it, follow an input first at a lag beyond the last one."""
+    column, row = place
+    if most <= last:
+        return False
+    inputs = _whitened([record.inputs[column] for record in recordings])
+    seen = np.flatnonzero(_scores(inputs, _whitened([record.outputs[row] for record in recordings]), most) > _SEEN)
+    if not seen.size or seen[0] <= last:
+        return False
+    left = [  # on the clock of the recordings, with zeros before them
+        np.r_[np.zeros(record.n_samples - e.size), e - e.mean()]
+        for record, e in zip(recordings, residuals, strict=True)
+    ]
+    return bool(np.max(_scores(inputs, left, most)[last + 1 :]) > _SEEN)
+
+
+def _terms_of(model: NarxModel, row: int) -> list[Term]:
+    """Return the terms of one output's equation."""
+    return [term for term, equation in zip(model.terms, model.equations, strict=True) if equation == row]
 
 
 @lru_cache(maxsize=1)  # several fits use the same recordings
@@ -143,11 +151,7 @@ def excess_notes(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str
     own = np.sqrt(np.mean(np.concatenate([response.residuals for response in predicted], axis=1) ** 2, axis=1))
     notes = []
     for row, error in enumerate(own.tolist()):
-        terms = [
-            term
-            for term, equation in zip(model.terms, model.equations, strict=True)
-            if equation == row and all(variable.kind != "e" for variable, _ in term.factors)
-        ]
+        terms = [term for term in _terms_of(model, row) if all(variable.kind != "e" for variable, _ in term.factors)]
         if not terms:
             continue
         data = Regression(TermTable(tuple(terms)), tuple(recordings), model.table.max_lag, row).about(model)

@@ -86,13 +86,36 @@ class ThetaPosterior:
             noise_variance=ratio * np.atleast_1d(model.noise_variance),
         )
 
-    def to_arviz(self, rng: np.random.Generator, **options: Any) -> Any:
+    def to_arviz(
+        self, rng: np.random.Generator, *, recording: Recording | None = None, n_chains: int = 4, n_draws: int = 500
+    ) -> Any:
         """Return posterior draws as ArviZ data, an InferenceData or, from ArviZ 1 on, a DataTree; needs ``bayes``.
 
-        `rng` draws. The `options` are ``recording``, whose one-step predictions and log-likelihood are added, and
-        ``n_chains`` and ``n_draws``, the numbers of chains, 4, and of draws in each of them, 500 by default.
+        `rng` draws. The one-step predictions and the log-likelihood of a `recording` are added; `n_chains` and `n_draws`
+        are the numbers of chains, and of draws in each of them.
         """
-        return _to_arviz(self, rng, **options)
+        try:
+            import arviz
+        except ImportError as error:
+            raise ModelError('export to ArviZ needs ArviZ: pip install "arviz>=0.18"') from error
+        model, draws = self.model, self.sample(rng, n_chains * n_draws)
+        groups = {"posterior": {"theta": draws.theta, "noise_variance": draws.noise_variance}}
+        coords: dict[str, Any] = {"term": _labels(model), "output": list(model.output_names)}
+        dims = {"theta": ["term"], "noise_variance": ["output"]}
+        if recording is not None:
+            groups |= _one_step(model, recording, draws.theta, draws.noise_variance, rng)
+            coords["time_s"] = recording.timepts[model.table.max_lag :]
+            dims["y"] = ["output", "time_s"]
+        shaped = {
+            group: {
+                name: values if group == "observed_data" else values.reshape(n_chains, n_draws, *values.shape[1:])
+                for name, values in variables.items()
+            }
+            for group, variables in groups.items()
+        }
+        if int(arviz.__version__.split(".")[0]) >= 1:
+            return arviz.from_dict(shaped, coords=coords, dims=dims)
+        return arviz.from_dict(**shaped, coords=coords, dims=dims)
 
 
 def quantile(level: float, dof: float) -> float:
@@ -108,39 +131,6 @@ def regressors(model: NarxModel, recording: Recording) -> Array:
     noise = recording.outputs - model.predict(recording).outputs if model.table.channels("e") else None
     signals = model.about_origin(recording.inputs, recording.outputs)
     return model.table.rows(*signals, model.table.max_lag, recording.n_samples, noise)
-
-
-def _to_arviz(
-    posterior: ThetaPosterior,
-    rng: np.random.Generator,
-    *,
-    recording: Recording | None = None,
-    n_chains: int = 4,
-    n_draws: int = 500,
-) -> Any:
-    """Return independent draws of the posterior and, with a recording, their one-step predictions."""
-    try:
-        import arviz
-    except ImportError as error:
-        raise ModelError('export to ArviZ needs ArviZ: pip install "arviz>=0.18"') from error
-    model, draws = posterior.model, posterior.sample(rng, n_chains * n_draws)
-    groups = {"posterior": {"theta": draws.theta, "noise_variance": draws.noise_variance}}
-    coords: dict[str, Any] = {"term": _labels(model), "output": list(model.output_names)}
-    dims = {"theta": ["term"], "noise_variance": ["output"]}
-    if recording is not None:
-        groups |= _one_step(model, recording, draws.theta, draws.noise_variance, rng)
-        coords["time_s"] = recording.timepts[model.table.max_lag :]
-        dims["y"] = ["output", "time_s"]
-    shaped = {
-        group: {
-            name: values if group == "observed_data" else values.reshape(n_chains, n_draws, *values.shape[1:])
-            for name, values in variables.items()
-        }
-        for group, variables in groups.items()
-    }
-    if int(arviz.__version__.split(".")[0]) >= 1:
-        return arviz.from_dict(shaped, coords=coords, dims=dims)
-    return arviz.from_dict(**shaped, coords=coords, dims=dims)
 
 
 def _labels(model: NarxModel) -> list[str]:

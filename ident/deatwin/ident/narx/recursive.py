@@ -13,7 +13,7 @@ from scipy.linalg import solve_triangular
 from deatwin.ident.arguments import positive, real_number
 from deatwin.ident.kalman import Filtered, StateSpace, adjoint, kalman_filter, kalman_smoother
 from deatwin.ident.narx.fixed import Fixed
-from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.identifier import NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, Regression, flatten, require_no_target
 from deatwin.ident.narx.terms import Term
@@ -326,14 +326,10 @@ class ThetaSmoother(VaryingParameters):
         low, high = np.log(_NONE / n**2), np.log(_MOST)
         groups = np.ones((m, 1)) if self.drift == "common" else np.eye(m)
         search = _Search(walk, groups, 0.5 if self.variances == "posterior" else 0.0, progress)
-        try:
+        with self._keeping(lambda: np.isfinite(search.lowest)):
             for start in np.log(_COARSE) - 2 * np.log(n):
                 search(np.full(groups.shape[1], min(start, high)))
             minimize(search, search.best, jac=True, method="L-BFGS-B", bounds=[(low, high)] * groups.shape[1])
-        except KeyboardInterrupt:
-            if not np.isfinite(search.lowest):
-                raise
-            self.status_ = FitStatus.INTERRUPTED
         return groups @ np.where(search.best <= low + 1e-9, 0.0, np.exp(search.best))
 
 

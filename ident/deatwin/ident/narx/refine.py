@@ -185,7 +185,8 @@ def extensions(
         best = int(np.argmax(gains))
         if gains[best] <= 0:
             return
-        larger = least_error(_with_term(larger, left.pop(best)), recordings)
+        start = _of_terms(larger, (*larger.terms, left.pop(best)), np.append(larger.theta, 0.0))
+        larger = least_error(start, recordings)
         yield larger
 
 
@@ -204,15 +205,8 @@ def _without_a_term(model: NarxModel, recordings: tuple[Recording, ...]) -> Narx
     for out in np.argsort(model.theta**2 / variances):
         kept = np.delete(np.arange(model.theta.size), out)
         theta = model.theta - cov[:, out] / variances[out] * model.theta[out]  # best parameters with that one at zero
-        smaller = replace(
-            model,
-            terms=tuple(model.terms[i] for i in kept),
-            theta=theta[kept],
-            equations=(),
-            theta_cov=np.zeros((kept.size, kept.size)),
-        )
         with suppress(ModelError):
-            return least_error(smaller, recordings)
+            return least_error(_of_terms(model, tuple(model.terms[i] for i in kept), theta[kept]), recordings)
     return None
 
 
@@ -235,15 +229,9 @@ def _gains(model: NarxModel, recordings: tuple[Recording, ...], table: TermTable
     return np.divide(along**2, free, out=np.zeros(own.size), where=free > _DEPENDENT * own)
 
 
-def _with_term(model: NarxModel, term: Term) -> NarxModel:
-    size = len(model.terms) + 1
-    return replace(
-        model,
-        terms=(*model.terms, term),
-        theta=np.append(model.theta, 0.0),
-        theta_cov=np.zeros((size, size)),
-        equations=(),
-    )
+def _of_terms(model: NarxModel, terms: tuple[Term, ...], theta: Array) -> NarxModel:
+    """Return a model with other terms and parameters, whose covariance is not yet known."""
+    return replace(model, terms=terms, theta=theta, theta_cov=np.zeros((theta.size, theta.size)), equations=())
 
 
 def sensitivities(model: NarxModel, joined: Joined) -> Array:

@@ -29,27 +29,23 @@ def require_alike(recordings: Sequence[Recording]) -> None:
     """Raise ModelError unless recordings agree in inputs, outputs, their order, units and sample time."""
     first = recordings[0]
     for record in recordings[1:]:
-        if not math.isclose(record.sample_time, first.sample_time, rel_tol=1e-6):
-            differs = f"sample times of {first.sample_time:g} s and {record.sample_time:g} s"
-        elif (counts := (first.inputs.shape[0], first.outputs.shape[0])) != (
-            others := (record.inputs.shape[0], record.outputs.shape[0])
-        ):
-            differs = f"{counts[0]} and {others[0]} inputs, {counts[1]} and {others[1]} outputs"
-        elif moved := order_apart(record, first):
-            differs = moved
-        else:
-            apart = units_apart(
-                (*first.input_names, *first.output_names),
-                (*first.input_units, *first.output_units),
-                (*record.input_units, *record.output_units),
+        if differs := _difference(first, record):
+            raise ModelError(
+                f"{label(first)} and {label(record)}: {differs}; recordings that are used together need the same inputs, "
+                "outputs, units and sample time"
             )
-            if not apart:
-                continue
-            differs = ", ".join(apart)
-        raise ModelError(
-            f"{label(first)} and {label(record)}: {differs}; recordings that are used together need the same inputs, "
-            "outputs, units and sample time"
-        )
+
+
+def _difference(first: Recording, record: Recording) -> str:
+    """Return what keeps two recordings from being used together; empty if nothing does."""
+    if not math.isclose(record.sample_time, first.sample_time, rel_tol=1e-6):
+        return f"sample times of {first.sample_time:g} s and {record.sample_time:g} s"
+    (n, m), (others_n, others_m) = ((len(one.inputs), len(one.outputs)) for one in (first, record))
+    if (n, m) != (others_n, others_m):
+        return f"{n} and {others_n} inputs, {m} and {others_m} outputs"
+    names = (*first.input_names, *first.output_names)
+    units, others = ((*one.input_units, *one.output_units) for one in (first, record))
+    return order_apart(record, first) or ", ".join(units_apart(names, units, others))
 
 
 @dataclass(frozen=True, eq=False)

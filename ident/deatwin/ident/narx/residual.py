@@ -12,6 +12,7 @@ import numpy as np
 from deatwin.ident.arguments import real_number
 from deatwin.ident.narx.excited import number_of
 from deatwin.ident.narx.model import NarxModel, require_model
+from deatwin.ident.narx.response import lagged_products
 from deatwin.plant.arguments import require_fields
 from deatwin.plant.arrays import Array, require_generator
 from deatwin.plant.errors import ModelError
@@ -120,8 +121,7 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
     error = (run.measured - run.outputs)[0]
     error = error[round(_START * error.size) :]
     error = error - error.mean()
-    size = 1 << (2 * error.size - 1).bit_length()
-    covariance = np.fft.irfft(np.abs(np.fft.rfft(error, size)) ** 2)[: error.size] / error.size
+    covariance = lagged_products(error) / error.size
     # White sensor noise is in the covariance at lag 0 only.
     first = _first_lag(covariance)
     coloured = max(float(abs(covariance[first]) if first > 1 else covariance[1]), 0.0)

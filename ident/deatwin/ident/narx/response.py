@@ -185,10 +185,15 @@ def gain_error(responses: Sequence[NarxResponse]) -> tuple[float, float] | None:
     return slope, _TWO_SIDED * math.sqrt(variance)
 
 
+def lagged_products(values: Array) -> Array:
+    """Return the sums over k of x(k) x(k+l) for the lags l = 0, 1, ..., n - 1."""
+    size = 1 << (2 * values.size - 1).bit_length()
+    return np.asarray(np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)[: values.size])
+
+
 def _variance_of_sum(values: Array) -> float:
     """Return the variance of the sum of a correlated series with mean zero."""
-    size = 1 << (2 * values.size - 1).bit_length()
-    sums = np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)[: values.size]
+    sums = lagged_products(values)
     pairs = sums[: sums.size // 2 * 2].reshape(-1, 2).sum(axis=1)
     first_negative = int(np.argmax(np.append(pairs <= 0.0, True)))
     return max(2.0 * float(pairs[:first_negative].sum()) - float(sums[0]), float(sums[0]))

@@ -111,15 +111,11 @@ class Semp(CandidateSearch):
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         data.require_samples_for(self.max_terms + 1)
         search, share = SempSearch(self, data), 0.0
-        try:
+        with self._keeping(lambda: search.path):
             while search.advance():
                 share = max(share, min(len(search.chosen) / self.max_terms, 0.99))
                 error = search.path[-1].msse ** 0.5
                 progress(share, f"{len(search.chosen)} terms, free-run error {error:.4g} rms")
-        except KeyboardInterrupt:
-            if not search.path:
-                raise
-            self.status_ = FitStatus.INTERRUPTED
         if not search.path:
             raise ModelError("no candidate alone makes a model whose free run stays finite")
         least = min(step.msse for step in search.path)

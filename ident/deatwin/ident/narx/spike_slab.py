@@ -56,16 +56,8 @@ class SpikeSlab:
         """Return Phi'Phi plus the slab's precision for the chosen terms, relative to the noise's."""
         return np.asarray(self.data.gram[np.ix_(chosen, chosen)] + np.diag(self.slab[chosen]), dtype=np.float64)
 
-    def log_evidence(self, terms: Terms) -> float:
-        """Return ln p(y, terms) up to a constant."""
-        chosen = sorted(terms)
-        precision, moment = self.precision(chosen), self.data.moment[chosen]
-        left = self.data.power - float(moment @ np.linalg.solve(precision, moment))
-        volume = 0.5 * (float(np.log(self.slab[chosen]).sum()) - float(np.linalg.slogdet(precision)[1]))
-        return volume + float(self._fit(left)) + self._prior(len(chosen))
-
     def flip_gains(self, terms: Terms) -> Array:
-        """Return the change of `log_evidence` by the flip of each term, shape (n_terms,)."""
+        """Return the change of ln p(y, terms) by the flip of each term, shape (n_terms,)."""
         chosen = sorted(terms)
         inverse = np.linalg.inv(self.precision(chosen))
         theta = inverse @ self.data.moment[chosen]

@@ -9,18 +9,18 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.arguments import positive, whole_number
+from deatwin.ident.arguments import one_of, positive, whole_number
 from deatwin.ident.narx.bayes import FLAT, Posterior, Priors, RelevanceFit, Statistics, fit_relevance
 from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.fixed import Fixed
-from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
+from deatwin.ident.narx.identifier import CandidateSearch, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, axes_or_new
-from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 _NAMED = 10  # most paths with a label of their own, as many as there are colours
@@ -203,10 +203,7 @@ class SvbNarx(CandidateSearch):
         return super()._notes(recordings) + (() if settled else (late,))
 
     def _check(self) -> None:
-        if self.clean_up not in _CLEAN_UPS:
-            raise ModelError(
-                f"clean_up = {self.clean_up!r}{nearest(self.clean_up, _CLEAN_UPS)}; known are {', '.join(_CLEAN_UPS)}"
-            )
+        one_of(self.clean_up, "clean_up", _CLEAN_UPS)
         for name in ("resolution", "a0", "b0", "c0", "d0", "tolerance"):
             positive(getattr(self, name), name)
         if self.resolution <= 1:
@@ -253,16 +250,12 @@ class SvbNarx(CandidateSearch):
         steps: list[PruningStep] = []
         candidates = statistics.moment.size
         part = _PRUNING if self.clean_up == "evidence" else 1.0
-        try:
+        with self._keeping(lambda: steps):
             for step in self._steps(data, statistics):
                 steps.append(step)
                 left = step.indices.size
                 # The cost of a fit grows with the cube of its terms.
                 progress(part * (1 - (left / candidates) ** 3), f"{left} terms, lower bound {step.lower_bound:.6g}")
-        except KeyboardInterrupt:
-            if not steps:
-                raise
-            self.status_ = FitStatus.INTERRUPTED
         return tuple(steps)
 
     def _steps(self, data: Regression, statistics: Statistics) -> Iterator[PruningStep]:
@@ -301,7 +294,7 @@ class SvbNarx(CandidateSearch):
         """Return the move to the most probable structure found; None if it was interrupted before the first."""
         best: Move | None = None
         made = 0
-        try:
+        with self._keeping():
             start = max((step.indices for step in steps), key=lambda indices: log_odds(statistics, indices))
             for beginning in (start, steps[-1].indices):
                 for move in climb(statistics, beginning):
@@ -310,8 +303,6 @@ class SvbNarx(CandidateSearch):
                     made += 1
                     share = 1 - (1 - _PRUNING) / (made + 1)  # the number of moves is not known beforehand
                     progress(share, f"clean-up: {move.chosen.size} terms, log-odds {move.log_odds:.6g}")
-        except KeyboardInterrupt:
-            self.status_ = FitStatus.INTERRUPTED
         return best
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -95,6 +95,11 @@ def _by_name(lags: Mapping[str, ChannelLags], kind: str, count: int, names: Sequ
     return [found[row] for row in range(count)]
 
 
+def channel_numbers(count: int) -> Sequence[int]:
+    """Return the numbers that the channels of a kind have in terms: 1, 2, ..., or 0 for a single one."""
+    return range(1, count + 1) if count > 1 else (0,) * count
+
+
 Rule = Callable[["Term"], bool]
 
 MOST_TERMS = 20_000  # Most candidates; for more, the Gram matrix alone would need gigabytes
@@ -230,8 +235,9 @@ def generate_terms(
         ("y", n_outputs, channel_lags(output_lags, "y", n_outputs)),
         ("u", n_inputs, channel_lags(input_lags, "u", n_inputs)),
     ):
-        numbers = range(1, count + 1) if count > 1 else (0,) * count
-        variables += [Variable(kind, n, lag) for n, own in zip(numbers, lags, strict=True) for lag in own]
+        variables += [
+            Variable(kind, n, lag) for n, own in zip(channel_numbers(count), lags, strict=True) for lag in own
+        ]
     variables += dict.fromkeys(functions)
     if not variables:
         raise ModelError("no lags at all; give output_lags or input_lags")

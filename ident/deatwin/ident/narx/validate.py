@@ -17,16 +17,7 @@ from deatwin.ident.narx.residual_tests import CorrelationTest, Whiteness, correl
 from deatwin.ident.narx.response import Fit, gain_error
 from deatwin.ident.narx.unstable import Unstable, recorded_once, stable_model_of_unstable, unstable_model
 from deatwin.plant.arrays import Array
-from deatwin.plant.datasets import (
-    Described,
-    Metadata,
-    Variables,
-    attribute,
-    coordinate,
-    several,
-    status_of,
-    variable,
-)
+from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of, variable
 from deatwin.plant.documents import Saved
 from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.errors import ModelError, nearest

@@ -165,7 +165,7 @@ def follow_actuator(name: str, recording: Recording, structure: Structure) -> Tr
 
     without = stretches(recording, (JUDGING,))
     judged = _within(blocks_of(recording, JUDGING), without)
-    share = chosen_share(_choice_errors(structure, recording))
+    share = SHARES[int(np.argmin(_choice_errors(structure, recording)))]
     smoother = walked(structure, [recording], share, recording)
     constants, held_constants = _constants(structure, [recording]), _constants(structure, without)
     held, likeliest = walked(structure, without, share, recording).trajectory_, _likeliest(structure, without)
@@ -196,11 +196,6 @@ def _choice_errors(structure: Structure, recording: Recording) -> Array:
     blocks = _within(blocks_of(recording, CHOOSING), training)
     walks = (walked(structure, training, share, recording).trajectory_ for share in SHARES)
     return np.array([root_mean_square(free_run_errors(walk, blocks)) for walk in walks])
-
-
-def chosen_share(errors: Array) -> float:
-    """Return the share with the smallest error. Shapes: `errors` (n_shares,)."""
-    return SHARES[int(np.argmin(errors))]
 
 
 def walked(structure: Structure, training: Recordings, share: float, whole: Recording) -> ThetaSmoother:

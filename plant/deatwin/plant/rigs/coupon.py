@@ -102,7 +102,7 @@ class Coupon(Rig):
         # The force is the derivative by a virtual pull, because the stretch itself may be an expression by now.
         virtual = build.constant("virtual_pull", 0.0)
         stretch = pulled + virtual
-        volume = build.constant("volume", self._volume)
+        volume = build.constant("volume", self.width * self.thickness * self.length)
         elastic = [build.parameter(p.name) for p in self.substance.elastic]
         strip = Film(
             points=[FilmPoint(volume=volume, stretches=_uniaxial(stretch)[0])],
@@ -119,10 +119,6 @@ class Coupon(Rig):
     def substance(self) -> Material:
         """The material with its published values."""
         return material(self.material)
-
-    @property
-    def _volume(self) -> float:
-        return self.width * self.thickness * self.length
 
 
 def _uniaxial(stretch: Symbol) -> list[tuple[Symbol, Symbol]]:

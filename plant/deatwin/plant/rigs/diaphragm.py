@@ -17,13 +17,12 @@ from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
-from deatwin.plant.rigs.film_actuator import relaxed_stresses
+from deatwin.plant.rigs.film_actuator import SETTLING, memories, relaxed_stresses, zero_of
 from deatwin.plant.rigs.kinematics import material_film, squared_voltage
 from deatwin.plant.rigs.membrane import membrane
 from deatwin.plant.rigs.reduced import reduced
 from deatwin.plant.rigs.rigfile import RigFile
 from deatwin.plant.rigs.scaling import Mounted, scaled_to_film
-from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 GRAVITY = 9.80665
 BALLS = ("bonded", "sliding")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
@@ -23,9 +23,16 @@ from deatwin.plant.rigs.base import Rig, StartProcedure
 from deatwin.plant.rigs.kinematics import Kinematics, material_film, squared_voltage
 from deatwin.plant.rigs.rigfile import RigFile
 from deatwin.plant.rigs.scaling import Mounted, scaled_to_film
-from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 Symbol = Any
+SETTLING = StartProcedure(rest_command=0.0, ramp=0.0, hold=1.0, uncounted=1.0)
+"""Start procedure of an experiment with an unknown beginning. The first command is held for a second, in which
+amplifier, electrode and motion settle; memories are free before it and remain so. What was still moving when the
+recording began is forgotten in another second."""
+FARTHEST = {"1": 0.5, "V": 20e3}
+"""Largest displacement of a memory from rest, by its unit: half of the film's stretch, and a voltage beyond any
+amplifier's."""
+ANYWHERE = 10.0  # Largest reading of a position sensor, m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,6 +179,29 @@ class FilmActuator(Rig):
     @abstractmethod
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
         """Return the potential energy of loads and springs, J."""
+
+
+def memories(substance: Material, effects: Sequence[Effect]) -> tuple[Parameter, ...]:
+    """Return the parameters that displace the memories of branches and effects from rest at the start."""
+    units = {f"{branch.name}_at_start": "1" for branch in substance.branches}
+    units |= {f"{effect.name}.at_start": effect.remembers for effect in effects if effect.remembers}
+    return tuple(
+        Parameter(
+            name=name,
+            value=0.0,
+            unit=unit,
+            lower=-FARTHEST[unit],
+            upper=FARTHEST[unit],
+            source="the start is not known: at rest at 0 V as a starting value",
+        )
+        for name, unit in units.items()
+    )
+
+
+def zero_of(reach: float, is_known: bool) -> Parameter:
+    """Return the offset of a position sensor: near 0, or anywhere where the sensor's zero is arbitrary."""
+    end, source = (reach, "sensor offset") if is_known else (ANYWHERE, "arbitrary zero of the sensor")
+    return Parameter(name="zero", value=0.0, unit="m", lower=-end, upper=end, source=source)
 
 
 def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) -> tuple[float, float]:

@@ -181,11 +181,6 @@ class _Geometry:
         """Return the ring area that each Gauss point of a zone represents."""
         return [self.area[number][k] for k in range(POINTS)]
 
-    @property
-    def areas(self) -> list[Symbol]:
-        """Area of each point; the last one is the disc under the ball."""
-        return [*self.rings(0), *self.rings(1), np.pi * self.contact_reference**2]
-
     def zones(self, contact: Symbol, stretch: Symbol) -> tuple[_Zone, _Zone]:
         """Return electrode and annulus for given stretches at the ball and at the electrode's edge."""
         ball, edge = contact * self.contact_reference, stretch * self.electrode_reference

@@ -284,7 +284,11 @@ def _schema_of(name: str, kind: RigKind) -> dict[str, Any]:
 
 
 def _section(keys: Keys) -> dict[str, Any]:
-    replaced = [{"oneOf": _either(name, key)} for name, key in keys.items() if key.instead in keys]
+    replaced = [
+        {"oneOf": [{"required": [name]}, {"required": [key.instead]}]}
+        for name, key in keys.items()
+        if key.instead in keys
+    ]
     return {
         "type": "object",
         "additionalProperties": False,
@@ -292,7 +296,3 @@ def _section(keys: Keys) -> dict[str, Any]:
         "properties": {name: key_schema(key) for name, key in keys.items()},
         **({"allOf": replaced} if replaced else {}),
     }
-
-
-def _either(name: str, key: NumberKey | TextKey) -> list[dict[str, Any]]:
-    return [{"required": [name]}, {"required": [key.instead]}]

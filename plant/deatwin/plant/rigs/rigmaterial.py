@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any
@@ -89,6 +89,13 @@ class _Reader:
     def told(self, path: tuple[str, ...], text: str) -> None:
         self.mistakes.append((path, text))
 
+    def unknown(self, given: Iterable[str], known: Collection[str], *path: str) -> None:
+        """Note each unknown key, with the nearest known one, else all of them."""
+        for name in given:
+            if name not in known:
+                hint = nearest(name[:100], known) or f"; known are {', '.join(known)}"
+                self.told((*path, name), f'unknown key "{clipped(name)}"{hint}')
+
     def table(self, name: str) -> Mapping[str, Any] | None:
         """Return a table of the section; None if it is missing or is no table."""
         value = self.section.get(name)
@@ -145,8 +152,7 @@ def _usual(name: str, value: float, unit: str) -> tuple[float, float]:
         return max(1.0, value / 2.0), 2.0 * value
     if unit == "1" and name.startswith("alpha"):
         return min(value / 2.0, value * 2.0), max(value / 2.0, value * 2.0)
-    ends = (value / SPREAD, value * SPREAD) if value > 0.0 else (value * SPREAD, value / SPREAD)
-    return ends
+    return (value / SPREAD, value * SPREAD) if value > 0.0 else (value * SPREAD, value / SPREAD)
 
 
 def read_material(section: object) -> tuple[Material | None, list[tuple[tuple[str, ...], str]]]:
@@ -154,11 +160,7 @@ def read_material(section: object) -> tuple[Material | None, list[tuple[tuple[st
     if not isinstance(section, Mapping):
         return None, [((), f"material is {kind_of(section)}; it must be a section [material]")]
     reader = _Reader(section)
-    for name in section:
-        if name not in KEYS:
-            reader.told(
-                (name,), f'unknown key "{clipped(name)}"{nearest(name[:100], KEYS) or "; known are " + ", ".join(KEYS)}'
-            )
+    reader.unknown(section, KEYS)
     found = _base(reader)
     if found is None:
         return None, reader.mistakes
@@ -278,10 +280,7 @@ def _branches(reader: _Reader) -> Iterator[Branch]:
 
 
 def _breakdown(reader: _Reader, law: Mapping[str, Any]) -> BreakdownLaw | None:
-    for name in law:
-        if name not in _BREAKDOWN:
-            hint = nearest(name[:100], _BREAKDOWN) or f"; known are {', '.join(_BREAKDOWN)}"
-            reader.told(("breakdown", name), f'unknown key "{clipped(name)}"{hint}')
+    reader.unknown(law, _BREAKDOWN, "breakdown")
     values = {"thickness": 1e-4, "thickness_power": 0.0, "stretch_power": 0.0}
     for name, key in _BREAKDOWN.items():
         if name not in law:

@@ -55,7 +55,8 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     kind, wrong = _kind(data.get(key, "diaphragm"))
     table = KINDS[kind].sections
     strange = (name for name in data if name not in (*table, "kind", "material", READINGS))
-    outside = [m for name in strange for m in ([_misnamed_kind(name)] if name == key else _outside(name, data, table))]
+    misnamed = Mistake(text=f'unknown key "{clipped(key)}"; did you mean "kind"?', line_of=(key,))
+    outside = [m for name in strange for m in ([misnamed] if name == key else _outside(name, data, table))]
     called = {section: section for section in table}
     for mistake in outside:  # a section with a misspelt name is read under the name that it should have
         name = mistake.line_of[-1]
@@ -111,11 +112,6 @@ def _key_of_kind(data: Mapping[str, Any]) -> str:
     """Return the key above the sections that names the kind of the rig, under whatever name."""
     texts = () if "kind" in data else (name for name, value in data.items() if isinstance(value, str))
     return next((name for name in texts if data[name] in KINDS or nearest(name[:100], ("kind",))), "kind")
-
-
-def _misnamed_kind(name: str) -> Mistake:
-    """Return the mistake of another name for the key ``kind``."""
-    return Mistake(text=f'unknown key "{clipped(name)}"; did you mean "kind"?', line_of=(name,))
 
 
 def _kind(name: object) -> tuple[str, list[Mistake]]:

@@ -124,36 +124,47 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
 
 def slip_of(text: str) -> str:
     """Return the first slip in a rig file: its line, its key, and what to write."""
-    seen: dict[str, int] = {}
-    sections: dict[str, int] = {}
     if text.lstrip().startswith("{"):
         return "it is JSON; write sections in brackets, and a line for each key, such as gain = 800.0"
-    for number, line in enumerate(text.split("\n"), start=1):
+    lines = list(enumerate(text.split("\n"), start=1))
+    keys: dict[str, int] = {}
+    sections: dict[str, int] = {}
+    for number, line in lines:
         if section := _SECTION.fullmatch(line):
             if "]" not in line.split("#")[0]:
                 return f"line {number}: a section must be in brackets: write [{clipped(section[1])}]"
             if section[1] in sections and not line.strip().startswith("[["):
                 return f"line {number}: the section [{section[1]}] is already in line {sections[section[1]]}: keep one of the two"
-            seen, sections[section[1]] = {}, number
+            keys, sections[section[1]] = {}, number
         elif title := _TITLE.fullmatch(line):
             return f"line {number}: a section must be in brackets: write [{clipped(title[1] or title[2])}]"
         elif entry := _KEY.fullmatch(line):
             key, value = entry.groups()
-            for slip, say in _SLIPS:
-                if found := slip.fullmatch(value):
-                    return f"line {number}, {clipped(key)}: {say(*map(clipped, found.groups()))}"
-            if key in seen:
-                return f"line {number}, {clipped(key)}: the key is already in line {seen[key]}: keep one of the two"
-            seen[key] = number
-        elif odd := _ODD_KEY.fullmatch(line):
-            plain = odd[1].replace("µ", "u").replace("μ", "u").translate(_LOOK_ALIKE)
-            key = re.sub(r"[^A-Za-z0-9-]+", "_", plain).strip("_")
-            if odd[2] == ":" or key != odd[1]:
-                return f"line {number}: write {clipped(key)} = {clipped(odd[3])}"
-        elif bare := _BARE.fullmatch(line):
-            return f"line {number}: write {clipped(bare[1])} = {clipped(bare[2])}"
-    for number, line in enumerate(text.split("\n"), start=1):
+            if hint := _hint_on(value):
+                return f"line {number}, {clipped(key)}: {hint}"
+            if key in keys:
+                return f"line {number}, {clipped(key)}: the key is already in line {keys[key]}: keep one of the two"
+            keys[key] = number
+        elif meant := _entry_meant(line):
+            return f"line {number}: write {meant}"
+    for number, line in lines:
         bare_line = re.sub(r"\"[^\"]*\"|'[^']*'|#.*", "", line)
         if strange := _STRANGE.search(bare_line):
             return f"line {number}: the character U+{ord(strange[0]):04X} must not stand outside quotes; type the line anew"
     return ""
+
+
+def _hint_on(value: str) -> str:
+    """Return what to write instead of a wrong value; empty if nothing is known to be wrong."""
+    tried = ((slip.fullmatch(value), say) for slip, say in _SLIPS)
+    return next((say(*map(clipped, found.groups())) for found, say in tried if found), "")
+
+
+def _entry_meant(line: str) -> str:
+    """Return the entry that a line without a valid key and an equals sign probably means; empty if there is none."""
+    if odd := _ODD_KEY.fullmatch(line):
+        plain = odd[1].replace("µ", "u").replace("μ", "u").translate(_LOOK_ALIKE)
+        key = re.sub(r"[^A-Za-z0-9-]+", "_", plain).strip("_")
+        return f"{clipped(key)} = {clipped(odd[3])}" if odd[2] == ":" or key != odd[1] else ""
+    bare = _BARE.fullmatch(line)
+    return f"{clipped(bare[1])} = {clipped(bare[2])}" if bare else ""

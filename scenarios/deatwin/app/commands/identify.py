@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from deatwin.app import options
-from deatwin.studies.voice import Voice, complain
-
-if TYPE_CHECKING:
-    from deatwin.app.identify_report import Tested
-    from deatwin.ident.narx import NarxIdentifier, NarxModel
-    from deatwin.plant.recording import Recording
+from deatwin.studies.voice import Voice
 
 
 class Method(StrEnum):
@@ -28,9 +22,6 @@ class Method(StrEnum):
     GROW = "grow"
     NSS = "nss"
 
-
-_AHEAD = (Method.SVB, Method.FROLS)
-"""Methods that choose the terms by the prediction one step ahead; the others use the free run."""
 
 Recordings = Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings with the same sample time.")]
 ModelFile = Annotated[Path, typer.Option("--out", metavar="NARX.json", help="The model.")]
@@ -125,20 +116,16 @@ def identify(
     from contextlib import nullcontext
 
     from deatwin.app.given import clock_notes
-    from deatwin.app.identify_lags import FIRST, LAST, OUTPUT_LAGS, bounded, choose_input_lags, disagreements
-    from deatwin.app.identify_noise import biased_by_noise, outlying
-    from deatwin.app.identify_periodic import approximated, degree_remarks
-    from deatwin.app.identify_report import Identified, linear_errors, write_identified
+    from deatwin.app.identify_lags import FIRST, LAST
+    from deatwin.app.identify_narx import Search, identify_narx
+    from deatwin.app.identify_periodic import approximated
+    from deatwin.app.identify_report import Data, write_identified
     from deatwin.app.identify_states import identify_states
-    from deatwin.app.thinning import lost, thinned
-    from deatwin.ident.narx import FitStatus, Reliance
-    from deatwin.ident.narx.excited import BAND_KEY
-    from deatwin.ident.narx.levels import remarks_on_levels
-    from deatwin.ident.narx.reliance import HELD_OUT, assessed, band_excited, hold_out
+    from deatwin.app.thinning import thinned
+    from deatwin.ident.narx.reliance import HELD_OUT, hold_out
     from deatwin.ident.nss import Pnlss
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
-    from deatwin.plant.recording import label
     from deatwin.plant.rigs.base import ReadingTime
     from deatwin.studies.folder import ResultFolder, require_place
     from deatwin.studies.provenance import RunRecord, hashes
@@ -154,98 +141,39 @@ def identify(
         record = RunRecord(command=context.obj or [], inputs=hashes(recordings), seed=0, jobs=1)
         columns = {"input_column": input_column, "output_column": output_column, "time_column": time_column}
         asked: dict[str, Any] = {**columns, "allow_gaps": allow_gaps, "dt": dt, "resample": resample}
-        records = [record for path in recordings for record in read_recordings(path, reading=reading, **asked)]
-        notes = clock_notes(records)
-        require_excitation(records)
-        fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
-        whole, records, notes = records, fewer.records, [*notes, *fewer.notes]
-        training, unseen = hold_out(records)
-
-        def report_of(found: Identified) -> None:
-            if folder is not None:
-                write_identified(found, folder, record)
-                voice.say(f"report: {folder.path / 'report.html'}")
-
-        if method is Method.NSS:
-            space = Pnlss(states=states, degrees=tuple(range(2, degree + 1)), terms=tuple(functions or ()))
-            complete = identify_states(out, space, training, unseen, approximated(whole), notes, voice, report_of)
-            if not complete:
-                raise typer.Exit(130)
-            return
-        chosen = choose_input_lags(training, first_input_lag, input_lags)
-        lags = {"output_lags": output_lags or OUTPUT_LAGS, "input_lags": chosen.lags, "degree": degree}
-        lags["functions"] = tuple(functions or ())
-        identifier = _identifier(method, lags, max_terms)
-        _fit(identifier, training, records, voice)
-        identifier, diverged = bounded(
-            identifier, training, lambda one: _fit(one, training, records, voice), may_choose=output_lags is None
+        whole = [record for path in recordings for record in read_recordings(path, reading=reading, **asked)]
+        require_excitation(whole)
+        fewer = thinned(whole, decimation, reading, held_out=HELD_OUT)
+        training, unseen = hold_out(fewer.records)
+        data = Data(
+            whole=whole,
+            records=fewer.records,
+            training=training,
+            unseen=unseen,
+            notes=[*clock_notes(whole), *fewer.notes],
+            periodic=approximated(whole),
         )
-        for sentence in (*notes, *chosen.sentences):
-            voice.say(sentence)
-        tested = _tested(identifier.model_, unseen)
-        reliance = Reliance.of(identifier.model_, tested.validation)
-        model = assessed(identifier.model_, records, unseen, reliance=reliance)
-        unexcited = () if BAND_KEY in model.provenance else band_excited(records)[1]
-        model.save(out)
-        alone = [tested] if len(unseen) == 1 else [_tested(model, [part]) for part in unseen]
-        errors = [_errors(model, part, own) for part, own in zip(unseen, alone, strict=True)]
-        _say(voice, model, errors, [label(record) for record in records])
-        apart = [*outlying(training), *disagreements(model, chosen, by_free_run=method not in _AHEAD)]
-        apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
-        told = () if tested.validation is None else tested.validation.notes
-        periodic = approximated(whole)
-        found = [
-            *diverged,
-            *lost(model, unseen, whole),
-            *apart,
-            *reliance.remarks,
-            *identifier.notes_,
-            *told,
-            *unexcited,
-            *degree_remarks(periodic, degree),
-        ]
-        complete = identifier.status_ is not FitStatus.INTERRUPTED
-        if complete and not identifier.status_.ok:
-            found.append(identifier.status_.value)
-        found = list(dict.fromkeys(found))
-        for line in (*(f"note: {note}" for note in found), *remarks_on_levels(hold_out(whole)[0], degree)):
-            voice.say(line)
-        if not complete:
-            voice.say(identifier.status_.value)
+        further = tuple(functions or ())
+        if method is Method.NSS:
+            space = Pnlss(states=states, degrees=tuple(range(2, degree + 1)), terms=further)
+            found, document = identify_states(data, space, out, voice)
+        else:
+            search = Search(
+                method=method.value,
+                output_lags=output_lags,
+                input_lags=input_lags,
+                first_input_lag=first_input_lag,
+                degree=degree,
+                max_terms=max_terms,
+                functions=further,
+            )
+            found, document = identify_narx(data, search, out, voice)
         voice.say(f"model: {out}")
         if folder is not None:
-            linear = (
-                linear_errors(chosen.lags, output_lags or OUTPUT_LAGS, training, unseen) if tested.pole is None else []
-            )
-            report_of(
-                Identified(
-                    model=model,
-                    told=f"A NARX model of {len(model.terms)} terms (method {method})",
-                    unseen=unseen,
-                    tested=tested,
-                    complete=complete,
-                    notes=found,
-                    clocks=notes,
-                    linear=linear,
-                    best_linear=periodic,
-                )
-            )
-        terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
-        origins = [*model.input_origin.tolist(), *model.output_origin.tolist()]
-        voice.result(
-            {
-                "out": str(out),
-                "terms": terms,
-                "origins": dict(zip(model.input_names + model.output_names, origins, strict=True)),
-                "complete": complete,
-                "notes": found,
-                "unseen": errors,
-                "input_lags": chosen.lags,
-                "dead_times": chosen.document,
-                "clocks": notes,
-            }
-        )
-        if not complete:
+            write_identified(found, folder, record)
+            voice.say(f"report: {folder.path / 'report.html'}")
+        voice.result({"out": str(out), **document, "clocks": data.notes})
+        if not found.complete:
             raise typer.Exit(130)
 
 
@@ -262,90 +190,3 @@ def _refuse_idle(context: typer.Context, method: Method) -> None:
         if source is not None and source.name == "COMMANDLINE":
             hint = f"--{name.replace('_', '-')}"
             raise typer.BadParameter(f"{why}; leave this option out with --method {method}", param_hint=hint)
-
-
-def _fit(identifier: NarxIdentifier, training: Sequence[Recording], records: Sequence[Recording], voice: Voice) -> None:
-    """Fit the model; if recordings are too short, name their files in the error."""
-    from deatwin.app.thinning import LEAST
-    from deatwin.plant.errors import ModelError
-    from deatwin.plant.recording import label
-
-    with voice.progress("choosing terms") as progress:
-        progress(0.0, "choosing terms")
-        try:
-            identifier.fit(training, progress=progress)
-        except KeyboardInterrupt:
-            complain("interrupted before a model was found; nothing was written")
-            raise typer.Exit(130) from None
-        except ModelError as error:
-            if sum(part.n_samples for part in training) >= LEAST:
-                raise
-            raise ModelError(f"{', '.join(dict.fromkeys(label(record) for record in records))}: {error}") from None
-
-
-def _identifier(method: Method, lags: dict[str, Any], max_terms: int) -> NarxIdentifier:
-    from deatwin.ident.narx import Frols, Grow, Lasso, Semp, SvbNarx
-
-    if method is Method.SVB:
-        return SvbNarx(**lags)
-    searches = {Method.FROLS: Frols, Method.LASSO: Lasso, Method.SEMP: Semp, Method.GROW: Grow}
-    return searches[method](**lags, max_terms=max_terms)
-
-
-def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
-    """Print the terms with their intervals, and the errors on held-out data."""
-    import numpy as np
-
-    from deatwin.ident.narx.variables import symbols_of
-    from deatwin.ident.narx.written import origins, shown_units
-    from deatwin.plant.prefixes import with_unit
-
-    unit = model.output_units[0]
-    shown, symbols = shown_units(model), symbols_of(model.input_names, model.output_names)
-    half = 1.96 * np.sqrt(model.theta_cov.diagonal()) * shown.factors
-    for term, value, width in zip(model.terms, model.theta * shown.factors, half, strict=True):
-        voice.say(f"{value:>14.6g} ± {width:<12.3g} {term.written(symbols)}")
-    if said := origins(model):
-        voice.say(said.strip())
-    if shown.legend:
-        voice.say(f"  ({shown.legend})")
-    for label, error in zip(labels, errors, strict=True):
-        free = (
-            f", error of the free run {with_unit(error['free_run'], unit)} rms"
-            if error["finished"]
-            else "; the free run diverges"
-        )
-        ahead = f"error of the prediction one step ahead {with_unit(error['one_step'], unit)} rms"
-        voice.say(f"{label}, held-out part: {ahead}{free}")
-        voice.say(f"  {error['validation']}")
-        for sentence in error["unstable"]:
-            voice.say(f"  {sentence}")
-
-
-def _errors(model: NarxModel, unseen: Recording, tested: Tested) -> dict[str, Any]:
-    """Return errors and residual tests of the model on one held-out part."""
-    free, found = model.simulate(unseen), tested.validation
-    return {
-        "one_step": model.predict(unseen).rms_error,
-        "free_run": free.rms_error,
-        "finished": free.status.ok,
-        "unit": model.output_units[0],
-        "validation": f"residuals not tested: {tested.why_not}" if found is None else found.status.value,
-        "failed_tests": None if found is None else [test.name for test in found.failed],
-        "unstable": [] if tested.pole is None else tested.pole.sentences(model.output_units),
-    }
-
-
-def _tested(model: NarxModel, unseen: Sequence[Recording]) -> Tested:
-    """Validate the model on held-out parts, or return the reason why that is impossible."""
-    from deatwin.app.identify_report import Tested
-    from deatwin.ident.narx import validate
-    from deatwin.ident.narx.unstable import recorded_once, unstable_model
-    from deatwin.plant.errors import ModelError
-
-    try:
-        return Tested(validation=validate(model, unseen))
-    except ModelError as error:
-        diverged = any(not model.simulate(part).status.ok for part in unseen)
-        unstable = unstable_model(model, unseen, recorded_once(model, unseen), diverged=diverged)
-        return Tested(why_not=str(error), unstable=unstable)

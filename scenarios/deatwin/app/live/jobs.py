@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import IO, Any
@@ -41,9 +41,13 @@ class State(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """Request for a job."""
+    """Request for a diagnosis, or for a plan, which shows which missing physics an input would reveal."""
 
+    command: str  # ``diagnose`` or ``plan``
     rig: str  # Rig file or ``model.json`` in the folder
+    recordings: Sequence[
+        str
+    ]  # Files in the folder: one experiment, or for a plan the input, if none is to be suggested
     out: str  # Name of a new folder for the results, or of one with only the files of an interrupted diagnosis
     reading: ReadOptions = NO_OPTIONS
     seed: int = 0
@@ -51,55 +55,19 @@ class Order:
     @property
     def files(self) -> tuple[str, ...]:
         """Files that are read from the folder, the rig first."""
-        raise NotImplementedError
-
-    @property
-    def arguments(self) -> list[str]:
-        """Arguments for ``deatwin``, which runs in the folder."""
-        raise NotImplementedError
-
-    def require(self) -> None:
-        """Raise DataError if a choice is missing."""
-
-    def _arguments(self, command: str) -> list[str]:
-        files = [f"./{name}" if name.startswith("-") else name for name in self.files]
-        return [command, *files, "--out", self.out, "--seed", str(self.seed), *map("=".join, self.reading.flags)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Diagnosing(Order):
-    """Request for a diagnosis."""
-
-    recordings: Sequence[str]  # Files in the folder, which together are one experiment
-
-    @property
-    def files(self) -> tuple[str, ...]:
         return (self.rig, *self.recordings)
 
     @property
     def arguments(self) -> list[str]:
-        return self._arguments("diagnose")
+        """Arguments for ``deatwin``, which runs in the folder."""
+        files = [f"./{name}" if name.startswith("-") else name for name in self.files]
+        reading = self.reading.without("output_column", "allow_gaps") if self.command == "plan" else self.reading
+        return [self.command, *files, "--out", self.out, "--seed", str(self.seed), *map("=".join, reading.flags)]
 
     def require(self) -> None:
-        if not self.recordings or not self.rig:
+        """Raise DataError if a choice is missing."""
+        if self.command == "diagnose" and not (self.recordings and self.rig):
             raise DataError("choose a rig file and at least one recording")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Planning(Order):
-    """Request for a plan, which shows which missing physics an input would reveal."""
-
-    commands: str = ""  # File in the folder with the input; empty if one is to be suggested
-
-    @property
-    def files(self) -> tuple[str, ...]:
-        return (self.rig, self.commands) if self.commands else (self.rig,)
-
-    @property
-    def arguments(self) -> list[str]:
-        return replace(self, reading=self.reading.without("output_column", "allow_gaps"))._arguments("plan")
-
-    def require(self) -> None:
         if not self.rig:
             raise DataError("choose a rig file")
 

@@ -5,7 +5,7 @@ NiceGUI needs no front end of our own, has no telemetry, and brings all scripts 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from nicegui import run, ui
 
 from deatwin.app.live.desk import MEGABYTE, UPLOADS, Desk, free_name, keep_upload
 from deatwin.app.live.glance import Glance, glance
-from deatwin.app.live.jobs import Board, Diagnosing, Job, Order, Planning, State
+from deatwin.app.live.jobs import Board, Job, Order, State
 from deatwin.app.live.verdicts import MOST, Verdict, compare
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.readoptions import ReadOptions
@@ -216,22 +216,23 @@ class View:
 
     def diagnose(self) -> None:
         """Start the chosen diagnosis."""
-        self.start(Diagnosing, recordings=tuple(self.recordings.value or ()))
+        self.start("diagnose", self.recordings.value or ())
 
     def plan(self) -> None:
         """Start a plan with the commands of the first chosen recording, or for a suggested input."""
-        self.start(Planning, commands=(self.recordings.value or [""])[0])
+        self.start("plan", (self.recordings.value or ())[:1])
 
-    def start(self, kind: type[Order], **chosen: Any) -> None:
+    def start(self, command: str, recordings: Sequence[str]) -> None:
         """Start a job."""
         try:
             self.board.start(
-                kind(
+                Order(
+                    command=command,
                     rig=self.rig.value or "",
+                    recordings=tuple(recordings),
                     out=self.out.value.strip(),
                     reading=self.asked(),
                     seed=int(self.seed.value or 0),
-                    **chosen,
                 )
             )
         except (DeatwinError, OSError) as error:

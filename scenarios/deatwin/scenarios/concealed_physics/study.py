@@ -20,14 +20,7 @@ from deatwin.ident.mismatch import Diagnosis, DiagnosisProblem, diagnose, linear
 from deatwin.ident.mismatch.advise.distance import Memory
 from deatwin.ident.mismatch.naming.screen import leads
 from deatwin.ident.mismatch.refit.search import at_its_time, finish, search
-from deatwin.plant import (
-    DeatwinError,
-    Effect,
-    Experiment,
-    Plant,
-    SimulationError,
-    effect_named,
-)
+from deatwin.plant import DeatwinError, Effect, Experiment, Plant, SimulationError, effect_named
 from deatwin.plant.interrupts import obeying
 from deatwin.plant.records import finite, plain
 from deatwin.scenarios.concealed_physics.cases import KEY, SIZES, case_specs, key_dict

@@ -13,13 +13,7 @@ from deatwin.ident.narx import Term
 from deatwin.ident.narx.fleet import BAND, OPERATING_INPUT
 from deatwin.plant.arrays import Array
 from deatwin.plant.drawing import Axes, plain_numbers
-from deatwin.scenarios.frequency_analysis.actuators import (
-    FREQUENCIES,
-    GRID,
-    ORDERS,
-    Actuators,
-    Analysed,
-)
+from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, GRID, ORDERS, Actuators, Analysed
 from deatwin.scenarios.frequency_analysis.known import SIGNAL_BAND, Identified, Known
 from deatwin.studies.report.drawing import (
     STYLES,

@@ -20,7 +20,6 @@ from deatwin.ident.narx.varying_systems import (
     SYSTEMS,
     VARYING,
     blocks_of,
-    chosen_share,
     follow_actuator,
     free_run_errors,
     recorded,
@@ -65,7 +64,6 @@ def test_blocks_are_a_partition() -> None:
     assert record.n_samples - times.size < BLOCK / STEP + 2
     assert all(part.n_samples % 2 == 0 for part in parts)
     assert len(blocks_of(record, JUDGING)) == pytest.approx(len(parts) / CYCLE, abs=3)
-    assert chosen_share(np.array([3.0, 1.0, 2.0, np.inf, 4.0])) == SHARES[1]
 
 
 def test_a_walk_that_may_not_wander_is_least_squares() -> None:

@@ -200,7 +200,39 @@ class Comparison(Described):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot each difference on `ax` or new axes, with a row for each pair and a column for each order and band."""
-        return _plot(self, ax)
+        pairs, columns = self.pairs, self.columns
+        shape = len(pairs), len(columns)
+        rows = [f"{first} – {second}" for first, second in pairs]
+        if ax is None:
+            from matplotlib import pyplot
+
+            wide, high = 1.6 + 0.6 * shape[1] + 0.075 * max(map(len, rows)), 1.2 + 0.25 * shape[0]
+            ax = pyplot.subplots(figsize=(max(6.4, wide), max(4.0, high)), layout="constrained")[1]
+        sizes = np.array([100 * d.size if d.differs else np.nan for d in self.differences]).reshape(shape)
+        most = max(float(np.nanmax(sizes, initial=0.0)), 1.0)
+        image = ax.imshow(sizes, cmap="YlOrBr", vmin=0.0, vmax=most, aspect="auto")
+        for number, difference in enumerate(self.differences):
+            if difference.differs:
+                percent = 100 * difference.size
+                text = f"{percent:.0f}" if percent >= 10 else f"{percent:.1f}"
+                row, column = divmod(number, shape[1])
+                ax.text(
+                    column,
+                    row,
+                    f"({text})" if difference.agreement is Agreement.DRIFT else text,
+                    ha="center",
+                    va="center",
+                    fontsize="x-small",
+                    color="white" if percent > 0.6 * most else "black",
+                )
+        ax.set_yticks(range(shape[0]), rows, fontsize="small")
+        names = [f"$H_{order}$\n{low:g}–{high:g}" for order, low, high in columns]
+        ax.set_xticks(range(shape[1]), names, fontsize="small")
+        ax.set_xlabel("order and band of output frequencies (Hz)")
+        for edge in np.flatnonzero(np.diff([order for order, _, _ in columns])):
+            ax.axvline(edge + 0.5, color="0.4", linewidth=0.8)
+        ax.figure.colorbar(image, ax=ax, label="difference (% of gain); in brackets: may be drift")
+        return ax
 
 
 def compare(
@@ -299,45 +331,3 @@ def tabulated(differences: Sequence[Difference], level: float) -> Comparison:
         for d, p in zip(differences, corrected, strict=True)
     )
     return Comparison(differences=tuple(judged), level=level)
-
-
-def _plot(comparison: Comparison, ax: Axes | None) -> Axes:
-    """Draw a table of differences: a row for each pair, a column for each order and band."""
-    pairs, columns = comparison.pairs, comparison.columns
-    shape = len(pairs), len(columns)
-    rows = [f"{first} – {second}" for first, second in pairs]
-    axes = _new_axes(shape, max(map(len, rows))) if ax is None else ax
-    sizes = np.array([100 * d.size if d.differs else np.nan for d in comparison.differences]).reshape(shape)
-    most = max(float(np.nanmax(sizes, initial=0.0)), 1.0)
-    image = axes.imshow(sizes, cmap="YlOrBr", vmin=0.0, vmax=most, aspect="auto")
-    for number, difference in enumerate(comparison.differences):
-        if difference.differs:
-            percent = 100 * difference.size
-            text = f"{percent:.0f}" if percent >= 10 else f"{percent:.1f}"
-            row, column = divmod(number, shape[1])
-            axes.text(
-                column,
-                row,
-                f"({text})" if difference.agreement is Agreement.DRIFT else text,
-                ha="center",
-                va="center",
-                fontsize="x-small",
-                color="white" if percent > 0.6 * most else "black",
-            )
-    axes.set_yticks(range(shape[0]), rows, fontsize="small")
-    names = [f"$H_{order}$\n{low:g}–{high:g}" for order, low, high in columns]
-    axes.set_xticks(range(shape[1]), names, fontsize="small")
-    axes.set_xlabel("order and band of output frequencies (Hz)")
-    for edge in np.flatnonzero(np.diff([order for order, _, _ in columns])):
-        axes.axvline(edge + 0.5, color="0.4", linewidth=0.8)
-    axes.figure.colorbar(image, ax=axes, label="difference (% of gain); in brackets: may be drift")
-    return axes
-
-
-def _new_axes(shape: tuple[int, int], longest: int) -> Axes:
-    """Create axes whose figure has room for all rows, columns and names."""
-    from matplotlib import pyplot
-
-    size = max(6.4, 1.6 + 0.6 * shape[1] + 0.075 * longest), max(4.0, 1.2 + 0.25 * shape[0])  # inches
-    axes: Axes = pyplot.subplots(figsize=size, layout="constrained")[1]
-    return axes

@@ -207,7 +207,24 @@ class VaryingResponse(Described):
         Times with an unstable equilibrium are hatched; times without a response are blank. If each point has several
         frequencies, the frequency axis is the first one that differs between points.
         """
-        return _plot_map(self, ax)
+        axes = axes_or_new(ax)
+        borders, gain, label = _along_line(self)
+        low, norm = colours(gain)
+        mesh = axes.pcolormesh(edges(self.timepts), borders, np.maximum(gain, low).T, norm=norm, rasterized=True)
+        gaps = np.isnan(gain).all(axis=0)
+        if borders[0] > 0 and borders[-1] > _DECADES * borders[0] and not gaps.any():
+            axes.set_yscale("log")
+        spans = _unstable(self)
+        for first, last in spans:
+            span = axes.axvspan(first, last, facecolor="none", edgecolor="white", hatch="//", linewidth=0)
+            span.set_label("unstable" if (first, last) == spans[0] else "")
+        if spans:
+            axes.legend(loc="upper left", frameon=True, facecolor="0.6", labelcolor="black")
+        name = self.label.strip("$")
+        bar = axes.figure.colorbar(mesh, ax=axes, extend="min" if np.nanmin(gain) < low else "neither")
+        bar.set_label(f"$|{name}|$ ({written_unit(self.unit)})" if self.unit else f"$|{name}|$")
+        axes.set(xlabel="time (s)", ylabel=label)
+        return axes
 
     def _stacked(self, get: Callable[[FrequencyResponse], NDArray[Any]]) -> NDArray[Any]:
         """Stack the arrays of all times; NaN where there is none."""
@@ -224,28 +241,6 @@ def _std_of(model: NarxModel, response: FrequencyResponse) -> float:
     moves = motion(model, levels(model, response.point.operating_input, response.point.output))
     variance = float(moves @ model.theta_cov @ moves)
     return max(variance, 0.0) ** 0.5
-
-
-def _plot_map(response: VaryingResponse, ax: Axes | None) -> Axes:
-    """Draw the gain as a map over time and frequency."""
-    axes = axes_or_new(ax)
-    borders, gain, label = _along_line(response)
-    low, norm = colours(gain)
-    mesh = axes.pcolormesh(edges(response.timepts), borders, np.maximum(gain, low).T, norm=norm, rasterized=True)
-    gaps = np.isnan(gain).all(axis=0)
-    if borders[0] > 0 and borders[-1] > _DECADES * borders[0] and not gaps.any():
-        axes.set_yscale("log")
-    spans = _unstable(response)
-    for first, last in spans:
-        span = axes.axvspan(first, last, facecolor="none", edgecolor="white", hatch="//", linewidth=0)
-        span.set_label("unstable" if (first, last) == spans[0] else "")
-    if spans:
-        axes.legend(loc="upper left", frameon=True, facecolor="0.6", labelcolor="black")
-    name = response.label.strip("$")
-    bar = axes.figure.colorbar(mesh, ax=axes, extend="min" if np.nanmin(gain) < low else "neither")
-    bar.set_label(f"$|{name}|$ ({written_unit(response.unit)})" if response.unit else f"$|{name}|$")
-    axes.set(xlabel="time (s)", ylabel=label)
-    return axes
 
 
 def _along_line(response: VaryingResponse) -> tuple[Array, Array, str]:

@@ -11,11 +11,11 @@ import numpy as np
 from deatwin.ident.narx.drive import signals_like
 from deatwin.ident.narx.estimate import LeastSquares
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
-from deatwin.ident.narx.linear.model import LinearModel
+from deatwin.ident.narx.linear.model import LinearModel, lagged_signals
 from deatwin.ident.narx.linear.polynomials import Orders, per_input
 from deatwin.ident.narx.linear.prediction import Minimum, PredictionErrorLoss, minimise, starting_points
 from deatwin.ident.narx.regression import Recordings, Regression, flatten, provenance_of, require_no_target
-from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.plant.arguments import truth
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -254,7 +254,8 @@ def _orders(
 
 def _regression(recordings: tuple[Recording, ...], orders: Orders) -> Regression:
     """Return the regression on the lagged signals; raise ModelError if there are too few samples."""
-    data = Regression.on(recordings, _arx_terms(orders))
+    terms = [Term.product([variable]) for variable in lagged_signals(orders)]
+    data = Regression.on(recordings, TermTable((*terms, *([Term(())] if orders.offset else []))))
     for name, *rows in zip(recordings[0].input_names, *(record.inputs for record in recordings), strict=True):
         if np.ptp(np.concatenate(rows)) == 0.0:
             raise ModelError(f'the input "{name}" is constant, so its effect on the output is unknown')
@@ -266,13 +267,3 @@ def _regression(recordings: tuple[Recording, ...], orders: Orders) -> Regression
     if data.n_samples - orders.nd * len(recordings) <= unknowns:
         raise ModelError(f"{data.n_samples} usable samples are too few for {unknowns} unknowns")
     return data
-
-
-def _arx_terms(orders: Orders) -> TermTable:
-    """Return the lagged signals for given orders, in the order of the parameters."""
-    variables = [Variable("y", 0, k) for k in range(1, orders.na + 1)]
-    channels = range(1, len(orders.nb) + 1) if len(orders.nb) > 1 else (0,)
-    for channel, nb, nk in zip(channels, orders.nb, orders.nk, strict=True):
-        variables += [Variable("u", channel, k) for k in range(nk, nk + nb)]
-    constant = (Term(()),) if orders.offset else ()
-    return TermTable((*(Term.product([v]) for v in variables), *constant))

@@ -18,19 +18,10 @@ from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
 from deatwin.ident.narx.linear.prediction import lagged, prediction_errors, recursed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
-from deatwin.ident.narx.terms import Term, Variable
+from deatwin.ident.narx.terms import Term, Variable, channel_numbers
 from deatwin.plant.arguments import each
 from deatwin.plant.arrays import Array, texts
-from deatwin.plant.datasets import (
-    Described,
-    Metadata,
-    attribute,
-    coordinate,
-    document,
-    several,
-    squared,
-    variable,
-)
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, document, several, squared, variable
 from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -209,7 +200,6 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         the measured values before ``.first``. ModelError if the recording does not suit the model, or a root of C or of
         an F_i is not inside the unit circle.
         """
-
         self._require(recording)
         if not all(is_stable(p) for p in (self.c, *self.f)):
             raise ModelError("a root of C or F lies on or outside of the unit circle: the predictor is unstable")
@@ -269,11 +259,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         """Return an ARX or ARMAX model as a NARX or NARMAX model of degree 1; ModelError unless D and all F are 1."""
         if self.d.size > 1 or any(f.size > 1 for f in self.f):
             raise ModelError("only ARX and ARMAX models are NARX models: D and F must be 1")
-        channels = range(1, len(self.b) + 1) if len(self.b) > 1 else (0,)
-        variables = [Variable("y", 0, k) for k in range(1, self.a.size)]
-        for channel, b, nk in zip(channels, self.b, self.orders.nk, strict=True):
-            variables += [Variable("u", channel, k) for k in range(nk, b.size)]
-        variables += [Variable("e", 0, k) for k in range(1, self.c.size)]
+        variables = [*lagged_signals(self.orders), *(Variable("e", 0, k) for k in range(1, self.c.size))]
         sign = np.r_[-np.ones(self.a.size - 1), np.ones(self.theta.size - self.a.size + 1)]
         terms = (*(Term.product([v]) for v in variables), Term(()))
         keep = np.arange(len(terms)) if self.offset or self.theta_cov[-1, -1] else np.arange(len(variables))
@@ -293,6 +279,14 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
 
     def _warmup(self, recording: Recording, states: int) -> int:
         return max(states, min(_WARMUP_PER_STATE * states, recording.n_samples // 3))
+
+
+def lagged_signals(orders: Orders) -> list[Variable]:
+    """Return the lagged output and inputs of an ARX model, in the order of its parameters."""
+    variables = [Variable("y", 0, k) for k in range(1, orders.na + 1)]
+    for channel, nb, nk in zip(channel_numbers(len(orders.nb)), orders.nb, orders.nk, strict=True):
+        variables += [Variable("u", channel, k) for k in range(nk, nk + nb)]
+    return variables
 
 
 def _written(polynomial: Array) -> str:

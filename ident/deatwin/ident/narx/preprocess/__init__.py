@@ -7,13 +7,7 @@ from deatwin.ident.narx.preprocess.dead_time import DeadTime, DeadTimeStatus, es
 from deatwin.ident.narx.preprocess.decimation import SamplingChoice, SamplingStatus, choose_sampling
 from deatwin.ident.narx.preprocess.findings import Finding, FindingKind, inspect_recordings
 from deatwin.ident.narx.preprocess.orders import OrderChoice, OrderTrial, TrialStatus, choose_orders
-from deatwin.ident.narx.preprocess.sections import (
-    Sections,
-    SectionStatus,
-    StationarityTest,
-    Stretch,
-    choose_sections,
-)
+from deatwin.ident.narx.preprocess.sections import Sections, SectionStatus, StationarityTest, Stretch, choose_sections
 from deatwin.plant.decimation import decimate, removed_share
 
 __all__ = [

@@ -95,7 +95,6 @@ def _least(
 
 def _with_pole(loss: PredictionErrorLoss, pole: float) -> Polynomials:
     """Return the first-order model with a given pole; gain and offset are found by least squares."""
-
     delay, f = loss.orders.nk[0], np.array([1.0, -pole])
     answer = np.concatenate([filtered([1.0], f, inputs[0])[: output.size - delay] for inputs, output in loss.records])
     target = np.concatenate([output[delay:] for _, output in loss.records])
@@ -106,7 +105,6 @@ def _with_pole(loss: PredictionErrorLoss, pole: float) -> Polynomials:
 
 def _whitened(arx: LongArx, which: int) -> list[Record]:
     """Return an input and the output, minus the contributions of other inputs, both filtered by A."""
-
     first = max(arx.n_output_lags, arx.longest if arx.b.shape[0] > 1 else 0)
     records: list[Record] = []
     for inputs, output in arx.signals:
@@ -115,7 +113,6 @@ def _whitened(arx: LongArx, which: int) -> list[Record]:
             if row != which:
                 left = left - filtered(b, [1.0], inputs[row])
         records.append((filtered(arx.a, [1.0], inputs[which : which + 1])[:, first:], left[first:]))
-
     return records
 
 
@@ -282,7 +279,16 @@ def estimate_dead_time(
     moving = np.flatnonzero(np.ptp(inputs, axis=1) > 0.0)
     signals = _scaled(chosen, moving, output)
     longest = enough_lags(signals, moving.size, max_dead_time + _AFTER)
-    found: dict[int, DeadTime] = {}
+    found = [
+        DeadTime(
+            input_name=name,
+            output_name=chosen[0].output_names[output],
+            sample_time=chosen[0].sample_time,
+            status=DeadTimeStatus.SHORT if which in moving else DeadTimeStatus.CONSTANT,
+            probability=probability,
+        )
+        for which, name in enumerate(chosen[0].input_names)
+    ]
     if longest > 1:
         signals = [(u, y) for u, y in signals if n_residuals([(u, y)], longest) > 0]
         decimated = any("decimated" in record.provenance for record in chosen)
@@ -291,17 +297,8 @@ def estimate_dead_time(
         # from lag 1.
         arx = LongArx.of(signals, longest, shortest=[int(chance < _LOOP) for chance in answers])
         for row, which in enumerate(moving.tolist()):
-            found[which] = _of_input(arx, row, which, chosen[0], output, probability, answers[row])
-    for which in set(range(inputs.shape[0])) - set(found):
-        why = DeadTimeStatus.SHORT if which in moving else DeadTimeStatus.CONSTANT
-        found[which] = DeadTime(
-            input_name=chosen[0].input_names[which],
-            output_name=chosen[0].output_names[output],
-            sample_time=chosen[0].sample_time,
-            status=why,
-            probability=probability,
-        )
-    return tuple(found[which] for which in sorted(found))
+            found[which] = _of_input(found[which], arx, row, answers[row])
+    return tuple(found)
 
 
 @taking(dead_times=each(instance(DeadTime)), count=whole_number)
@@ -366,9 +363,8 @@ def _scaled(chosen: Sequence[Recording], moving: NDArray[np.intp], output: int) 
     return [((u - u_mean) / u_std, (y - all_y.mean()) / y_std) for u, y in zip(inputs, outputs, strict=True)]
 
 
-def _of_input(
-    arx: LongArx, row: int, which: int, record: Recording, output: int, probability: float, feedback: float
-) -> DeadTime:
+def _of_input(unknown: DeadTime, arx: LongArx, row: int, feedback: float) -> DeadTime:
+    """Return the dead time of one moving input, row `row` of the long model."""
     searched_to = arx.longest - min(_AFTER, arx.longest // 2)
     acting = np.flatnonzero(arx.chances(row) < _SEEN)
     status = DeadTimeStatus.LOOP if feedback < _LOOP else DeadTimeStatus.FOUND
@@ -379,15 +375,7 @@ def _of_input(
             status = DeadTimeStatus.AT_ONCE
     else:
         status = DeadTimeStatus.POOR if arx.hides(row) else DeadTimeStatus.UNSEEN
-    found = DeadTime(
-        input_name=record.input_names[which],
-        output_name=record.output_names[output],
-        sample_time=record.sample_time,
-        status=status,
-        probabilities=probabilities,
-        probability=probability,
-        searched_to=searched_to,
-    )
+    found = replace(unknown, status=status, probabilities=probabilities, searched_to=searched_to)
     if found.interval is None or not status.ok:
         return found
     between = probabilities[found.interval[0] : found.interval[1] + 1]

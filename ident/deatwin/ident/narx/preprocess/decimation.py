@@ -17,6 +17,7 @@ import numpy as np
 
 from deatwin.ident.arguments import whole_number
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
+from deatwin.ident.narx.response import lagged_products
 from deatwin.plant.arguments import taking
 from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
@@ -199,8 +200,7 @@ def _correlation(signals: list[Array], lags: int) -> Array:
     """Return the correlation function at the lags 0 to ``lags``, over all records."""
     products = np.zeros(lags + 1)
     for x in signals:
-        size = 2 ** int(np.ceil(np.log2(2 * x.size)))
-        own = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: min(lags + 1, x.size)]
+        own = lagged_products(x)[: lags + 1]
         products[: own.size] += own
     if not products[0] > 0.0:
         raise DataError("the output, or its square, is constant: its correlation says nothing")

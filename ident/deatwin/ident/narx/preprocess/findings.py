@@ -12,12 +12,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.arguments import real_number, whole_number
 from deatwin.ident.narx.levels import input_levels, said_of_levels
-from deatwin.ident.narx.preprocess.sections import (
-    ENOUGH_CORRELATION_TIMES,
-    chance_of_mean,
-    correlation_samples,
-    cut,
-)
+from deatwin.ident.narx.preprocess.sections import ENOUGH_CORRELATION_TIMES, chance_of_mean, correlation_samples, cut
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.repeats import whole_period_of
 from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs

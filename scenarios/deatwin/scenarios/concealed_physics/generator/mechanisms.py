@@ -9,13 +9,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.generator.mechanism import (
-    Draw,
-    Drive,
-    Mechanism,
-    PlantMechanism,
-    Reading,
-)
+from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, Drive, Mechanism, PlantMechanism, Reading
 
 
 def _invariant(first: float, second: float) -> float:

@@ -1,22 +1,40 @@
-"""Recommend what to run after a look, with the exact command."""
+"""Look at recordings for `deatwin look`, and recommend what to run next, with the exact command."""
 
 from __future__ import annotations
 
+import re
 import shlex
+import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
-from deatwin.app.identify_periodic import degree_remarks
+from deatwin.app.identify_periodic import approximated, degree_remarks
 from deatwin.app.thinning import advised
-from deatwin.ident.look import Look
+from deatwin.ident.look import BestLinearApproximation, Look, look_at
 from deatwin.ident.look.inputs import InputShape
 from deatwin.ident.look.link import LinkStatus
-from deatwin.plant.files.understood import Understood
+from deatwin.plant.checks import falls_with_voltage
+from deatwin.plant.errors import DeatwinError
+from deatwin.plant.files.understood import Understood, understand
+from deatwin.plant.readings import ELECTRICAL_UNITS
+from deatwin.plant.readoptions import ReadOptions
+from deatwin.plant.recording import label
+from deatwin.plant.rigs.rigfile import RigFile
+from deatwin.plant.rigs.rigkeys import AGAINST
 from deatwin.plant.rigs.rigkinds import KINDS
+from deatwin.plant.rigs.rigtemplate import AT_MOST, rig_template
+from deatwin.plant.rigs.sketch import draw_rig
+from deatwin.plant.sources import load_plant
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.report.drawing import draw, standalone
+from deatwin.studies.voice import Voice, complain
 
 LEAST = 20  # Least samples: `deatwin identify` fits 14 of them and holds out 6; fewer leave nothing to judge a model by
 
+HIGHEST_COMMAND = 100.0  # V: no signal generator and no data-acquisition card outputs more
 _FEW_FREQUENCIES = "steps, ramps or single tones"
 
 
@@ -34,6 +52,104 @@ class Next:
 
     sentence: str
     command: str = ""  # Empty if a better recording is needed first
+
+
+def look_at_file(path: Path, asked: ReadOptions, voice: Voice, rig: str | None) -> Seen:
+    """Read a file, for a kind of rig if one is named, describe it, and print the description."""
+    file = understand(path, asked, units=KINDS[rig].units if rig else None)
+    voice.say(str(path))
+    for column in file.columns:
+        unit = f", {column.unit}" if column.unit else ", unit not given" if column.role in ("input", "output") else ""
+        voice.say(f'  column {column.place} "{column.header}": {column.role or "-"}{unit} ({column.how})')
+    if file.recordings and file.refused:
+        voice.say(f"  other commands cannot read this file as it is: {file.refused}")
+        voice.say(f"  deatwin look read this file with the options {shlex.join(file.options)}")
+    if not file.recordings:
+        complain(file.refused)
+        if file.remaining:
+            complain(file.remaining)
+        return Seen(file=file)
+    try:
+        found = look_at(file.recordings)
+    except DeatwinError as error:
+        complain(str(error))
+        return Seen(file=file)
+    for line in found.lines:
+        voice.say(f"  {line}")
+    return Seen(file=file, look=found)
+
+
+def together_of(seen: Sequence[Seen]) -> BestLinearApproximation | None:
+    """Return the best linear approximation of several periodic files, whose realisations tell the distortion."""
+    looks = [one.look for one in seen if one.look is not None and one.look.best_linear is not None]
+    return approximated([record for look in looks for record in look.recordings]) if len(looks) > 1 else None
+
+
+def result_of(seen: Sequence[Seen], together: BestLinearApproximation | None, following: Next) -> dict[str, Any]:
+    """Return the content of look.json."""
+    files = [
+        {
+            "file": one.file.path,
+            "columns": [asdict(column) for column in one.file.columns],
+            "refused": one.file.refused or None,
+            "remaining": one.file.remaining or None,
+            "options": list(one.file.options),
+            "look": None if one.look is None else one.look.to_dict(),
+        }
+        for one in seen
+    ]
+    of_all = {} if together is None else {"best_linear": together.to_dict()}
+    return {"files": files, **of_all, "next": asdict(following)}
+
+
+def draw_looks(folder: ResultFolder, looks: Sequence[Look], together: BestLinearApproximation | None) -> None:
+    """Draw a picture of each recording."""
+    for number, one in enumerate(looks, start=1):
+        with draw((5.4, 6.4)) as figure:
+            panels = one.plot(list(figure.subplots(3, 1)))
+            panels[0].set_title(Path(label(one.recordings[0])).name, loc="left", fontsize="medium")
+            figure.align_ylabels()
+            folder.text("look.svg" if len(looks) == 1 else f"look_{number}.svg", standalone(figure))
+    named = {
+        "best_linear" if len(looks) == 1 else f"best_linear_{n}": one.best_linear for n, one in enumerate(looks, 1)
+    }
+    for name, found in {**named, **({} if together is None else {"best_linear": together})}.items():
+        if found is not None:
+            with draw((5.4, 5.0)) as figure:
+                found.plot(list(figure.subplots(2, 1)))
+                figure.align_ylabels()
+                folder.text(f"{name}.svg", standalone(figure))
+
+
+def rig_file(seen: Sequence[Seen], kind: str) -> str:
+    """Return a rig file to be filled in, with what is known from the first recording."""
+    noises: dict[str, float] = {}
+    known: dict[str, tuple[float | str, str]] = {}
+    first = next((one.look for one in seen if one.look is not None), None)
+    if first is not None:
+        known["sample_rate_Hz"] = (1.0 / first.sample_time, "as recorded")
+        drive, reading = (next(one for one in first.channels if one.role == role) for role in ("input", "output"))
+        if drive.unit == "V" and max(-drive.low, drive.high) > HIGHEST_COMMAND:
+            known["input"] = ("film voltage", "because the recorded input is too high for a command")
+        if reading.unit == "m" and reading.noise:
+            known["noise_um"] = (1e6 * reading.noise, AT_MOST)
+        if reading.unit == "N" and reading.noise:
+            known["noise_mN"] = (1e3 * reading.noise, AT_MOST)
+        noises = {
+            one.name: one.noise for one in first.channels if one.noise and one.unit == ELECTRICAL_UNITS.get(one.name)
+        }
+        if falls_with_voltage(first.recordings):
+            known["direction"] = (AGAINST, "in the recording the readings fall when the voltage rises")
+    return rig_template(known, kind, noises)
+
+
+def rig_drawing(kind: str) -> str:
+    """Draw this kind of rig with the example dimensions of the file."""
+    filled = re.sub(r"^#(?=\w)", "", rig_template({}, kind), flags=re.MULTILINE)
+    rig = load_plant(RigFile.from_dict(tomllib.loads(filled))).plant.rig
+    with draw((5.4, 3.4)) as figure:
+        draw_rig(rig, figure.add_subplot())
+        return standalone(figure)
 
 
 def next_step(seen: Sequence[Seen], rig: str | None = None, kind: str = "diaphragm") -> Next:
