@@ -28,16 +28,17 @@ def event_leads(
     # was fitted to the openings of the recordings has mostly not seen the event. From there all parameters, also those
     # at a bound, are refitted to all samples to first order, with the event before each sample in turn.
     events = [effect for effect in effects if effect.event and effect.name not in fit.plant.effect_names]
-    near = approach(unbiased, parts) if events else None
-    if near is None or not near.status.ok:
+    if not events:
         return ()
-    problem = Problem(plant=near.plant, parts=tuple(parts), names=near.names)
-    found = problem.evaluate(problem.start())
+    near = approach(unbiased, parts)
+    begun = [Problem(plant=plant, parts=tuple(parts), names=near.names) for plant in (near.plant, unbiased)]
+    # The plant that was fitted to the openings may have no equilibrium later.
+    plant, found = next(((p.plant, found) for p in begun if (found := p.evaluate(p.start()))), (unbiased, None))
     if found is None:
         return ()
-    times = reading_times(near.plant, parts)
+    times = reading_times(plant, parts)
     without, missing = readings_of_fit(parts, found[0]), root_mean_square(found[0])
-    early = (response(near.plant, parts, without, _from(effect, times), missing) for effect in events)
+    early = (response(plant, parts, without, _from(effect, times), missing) for effect in events)
     seen = (event_lead(known, times, *found, fit.rms) for known in early if known is not None)
     return tuple(lead for lead in seen if lead is not None)
 

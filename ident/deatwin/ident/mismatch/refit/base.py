@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -193,10 +194,17 @@ def _other_forms(problem: DiagnosisProblem, first: Candidate | None) -> list[Can
     near = run_jobs(approach, [(variant, problem.fitted) for variant in variants], workers=problem.jobs)
     openings = [opening(part, OPENING_SAMPLES) for part in problem.fitted]
     limit = np.inf if first is None else OPENS_AS_WELL * free_run_rms(first.calibration.plant, openings)
-    running = [fit.plant for fit in near if fit.status.ok and fit.within_reach < limit]
+    pairs = zip(near, variants, strict=True)
+    running = [(fit.plant, variant) for fit, variant in pairs if fit.status.ok and fit.within_reach < limit]
     floor = problem.nominal.rig.noise if first is None else first.noise
-    fits = run_jobs(settle, [(variant, problem.fitted, floor) for variant in running], workers=problem.jobs)
+    fits = run_jobs(_settled, [(*pair, problem.fitted, floor) for pair in running], workers=problem.jobs)
     return [candidate for candidate in (_judged(problem, fit) for fit in fits) if candidate is not None]
+
+
+def _settled(near: Plant, variant: Plant, parts: Sequence[Part], noise: float) -> Calibration:
+    """Fit all samples from `near`, or from the variant as described if `near` cannot be simulated."""
+    found = settle(near, parts, noise)
+    return found if found.status.ok else settle(variant, parts, noise)
 
 
 def _ranked(variants: Iterable[Candidate]) -> tuple[Candidate, ...]:
@@ -206,13 +214,15 @@ def _ranked(variants: Iterable[Candidate]) -> tuple[Candidate, ...]:
 def _fitted_well(problem: DiagnosisProblem, variant: Plant) -> Candidate | None:
     """Fit a variant completely, from the best of several starts."""
     near = run_jobs(approach, [(start, problem.fitted) for start in _starts(variant)], workers=problem.jobs)
-    usable = [fit for fit in near if fit.status.ok]
-    if not usable:
-        return None
-    best = min(usable, key=lambda fit: fit.rms)
+    usable = sorted((fit for fit in near if fit.status.ok), key=lambda fit: fit.rms)
     openings = [opening(part, OPENING_SAMPLES) for part in problem.fitted]
-    rough = at_its_time(roughly(where_it_acts(best, openings, best.names), problem.fitted), problem.fitted)
-    return _judged(problem, finish(rough, problem.fitted)) if rough.status.ok else None
+    # A plant that was fitted to the openings may have no equilibrium later; then the next one is tried, and at last the
+    # variant as described.
+    begun = chain((where_it_acts(fit, openings, fit.names) for fit in usable), [variant])
+    rough = next((fit for plant in begun if (fit := roughly(plant, problem.fitted)).status.ok), None)
+    if rough is None:
+        return None
+    return _judged(problem, finish(at_its_time(rough, problem.fitted), problem.fitted))
 
 
 def _starts(variant: Plant) -> list[Plant]:

@@ -1,7 +1,6 @@
 """When an event came: to first order for all times at once, and where a fit without it was biased to meet it halfway."""
 
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -10,6 +9,8 @@ from made_fits import made_problem
 from needs import COMPILED
 
 from deatwin.ident.greybox import Part, calibrate
+from deatwin.ident.greybox.parts import free_run_residuals
+from deatwin.ident.mismatch.naming import onsets
 from deatwin.ident.mismatch.naming.onsets import beginning_at_each, event_lead, event_leads
 from deatwin.ident.mismatch.naming.screen import Lead, LinearisedResponse, leads, linearised_responses, most_promising
 from deatwin.ident.mismatch.refit import search
@@ -186,14 +187,24 @@ def test_what_is_no_event_or_in_the_plant_has_no_lead_here(part):
 
 
 @COMPILED
-@pytest.mark.parametrize(
-    "place, found",
-    [("approach", SimpleNamespace(status=SimpleNamespace(ok=False))), ("response", None), ("Problem.evaluate", None)],
-)
-def test_a_plant_that_cannot_be_simulated_has_no_lead(part, monkeypatch, place, found):
+@pytest.mark.parametrize("place", ["response", "Problem.evaluate"])
+def test_a_plant_that_cannot_be_simulated_has_no_lead(part, monkeypatch, place):
     fit = calibrate(PLANT, [part], evaluations=3, starts=1)
-    monkeypatch.setattr(f"deatwin.ident.mismatch.naming.onsets.{place}", lambda *_: found)
+    monkeypatch.setattr(f"deatwin.ident.mismatch.naming.onsets.{place}", lambda *_: None)
     assert event_leads(PLANT, fit, [SensorJump()], [part]) == ()
+
+
+@COMPILED
+def test_events_are_sought_in_the_unbiased_plant_if_the_opening_leads_to_one_that_pulls_in(part, monkeypatch):
+    fit = calibrate(PLANT, [part], evaluations=3, starts=1)
+    ends = fit.plant.parameters
+    soft = fit.plant.with_values(
+        {"permittivity": ends["permittivity"].upper, "stretch_limit": ends["stretch_limit"].upper}
+    )
+    assert free_run_residuals(soft, [part]) is None
+    monkeypatch.setattr(onsets, "approach", lambda *_: replace(fit, plant=soft))
+    (lead,) = event_leads(PLANT, fit, [ElectrodeLoss()], [part])
+    assert lead.effect.at == pytest.approx(AT, abs=1.0)  # to first order; a fit places it exactly
 
 
 @dataclass(frozen=True)

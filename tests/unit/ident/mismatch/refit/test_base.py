@@ -4,16 +4,18 @@ from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
+import casadi as ca
 import numpy as np
 import pytest
 from made_fits import made_fit, made_problem
 from made_rigs import Bare
 from runs import blank
+from scipy.signal import lfilter
 
 from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.refit import base
-from deatwin.ident.mismatch.refit.search import approach, where_it_acts
+from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, where_it_acts
 from deatwin.plant import Diaphragm, Experiment, Parameter, Plant, ReadingTime, Recording, Scale, SensorJump
 from deatwin.plant.builder import Builder
 
@@ -41,7 +43,7 @@ def test_a_form_that_ran_out_of_simulations_is_judged_by_its_linear_model(monkey
     monkeypatch.setattr(base, "_fitted_well", lambda problem, form: first)
     monkeypatch.setattr(base, "free_run_rms", lambda plant, parts: 2.0)
     monkeypatch.setattr(base, "approach", lambda form, parts: openings[form])
-    monkeypatch.setattr(base, "settle", lambda plant, parts, noise: settled.append(plant))
+    monkeypatch.setattr(base, "_settled", lambda near, form, parts, noise: settled.append(near))
     monkeypatch.setattr(base, "_judged", lambda problem, fit: None)
     monkeypatch.setattr(base, "replace", lambda candidate, noise: candidate)
     monkeypatch.setattr(base, "_preferred", lambda usable: usable[0])
@@ -133,6 +135,38 @@ def test_a_parameter_that_does_nothing_where_a_fit_ended_is_looked_for_by_half_d
     asleep = replace(known, plant=Plant(rig=Lag()), covariance=np.full((1, 1), 1e4), residuals=readings - commands)
     found = where_it_acts(asleep, parts, asleep.names).parameters["late"].value
     assert abs(np.log10(found / 0.05)) <= 0.25  # the nearest of half decades
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tipping(Bare):
+    """Its reading grows without limit as the command nears a tipping point."""
+
+    kind: ClassVar[str] = "tipping"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter(name="share", value=0.5, unit="1/V2", lower=0.0, upper=2.0),)
+
+    def write(self, build: Builder) -> Any:
+        position = build.state("position", scale=1.0)
+        build.rate(position, -ca.log(1.0 - build.parameter("share") * build.command**2) - position, mass=0.05)
+        return position
+
+
+def test_a_plant_that_fits_the_opening_but_tips_later_is_fitted_from_its_nominal_values():
+    """Missing physics makes it three times as sensitive in the opening, where the commands are small."""
+    rng = np.random.default_rng(1)
+    commands = np.concatenate([0.5 * rng.uniform(-1, 1, OPENING_SAMPLES), rng.uniform(-1, 1, 500)])
+    share = np.where(np.arange(commands.size) < OPENING_SAMPLES, 1.5, 0.5)
+    readings = lfilter([1 - np.exp(-0.4)], [1, -np.exp(-0.4)], -np.log(1 - share * commands**2))
+    record = Recording.from_arrays(commands, readings + 1e-3 * rng.normal(size=commands.size), 0.02)
+    parts = (Part.whole(Experiment(recordings=(record,))),)
+    opened = approach(Plant(rig=Tipping(noise=1e-3)), parts)
+    assert opened.plant.parameters["share"].value > 1.0  # from there the largest commands cannot be simulated
+    found = base.calibrate_base(
+        made_problem(nominal=Plant(rig=Tipping(noise=1e-3)), fitted=parts, unseen=parts, everything=parts)
+    ).chosen
+    assert 0.4 < found.calibration.plant.parameters["share"].value < 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
