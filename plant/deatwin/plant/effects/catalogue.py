@@ -116,5 +116,5 @@ def effect_from(entry: str | Mapping[str, Any]) -> Effect:
         return FreeForm.from_entry(entry)
     wide = effect_named(str(entry.get("name"))).broadened()
     if wide is None:
-        raise RigError(f"effect {entry['name']} is not known with a spectrum of relaxation times; write its name alone")
+        raise RigError(f"effect {entry['name']} is not known with a spectrum; write its name alone")
     return wide

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 from deatwin.plant.effects.base import Builder, Effect, Family, Place, ranged
 from deatwin.plant.effects.smooth import smooth_magnitude, smooth_sign
+from deatwin.plant.effects.spectrum import Spectrum
 from deatwin.plant.parameters import Scale
 
 
@@ -60,11 +61,37 @@ class Hysteresis(Effect):
     wording: ClassVar[str] = "The motion has rate-independent hysteresis of {force} over {distance}"
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
-        memory = build.state("hysteresis_memory", scale=1.0, start=0.0)
+        return signal - self.own("force", build) * self._memory(self.name, self.own("distance", build), build)
+
+    def _memory(self, name: str, distance: Any, build: Builder) -> Any:
+        """Add the state of an element whose force builds up over a distance, and return it."""
+        memory = build.state(f"{name}_memory", scale=1.0, start=0.0)
         velocity, beta, slow = build.signal("velocity"), self.own("beta", build), 1e-8
         speed, strain = smooth_magnitude(velocity, slow), smooth_magnitude(memory, 1e-4)
         forward = speed * smooth_sign(velocity, slow)  # velocity, smoothed at rest like the speed
-        build.rate(
-            memory, velocity - beta * speed * memory - (1 - beta) * forward * strain, mass=self.own("distance", build)
-        )
-        return signal - self.own("force", build) * memory
+        build.rate(memory, velocity - beta * speed * memory - (1 - beta) * forward * strain, mass=distance)
+        return memory
+
+    def broadened(self) -> Effect | None:
+        """Return hysteresis of elements that yield one after another."""
+        return HysteresisSpectrum()
+
+
+@dataclass(frozen=True, kw_only=True)
+class HysteresisSpectrum(Spectrum, Hysteresis):
+    """Hysteresis of elements that yield one after another; a third of the force builds up over each of the distances.
+
+    Most materials and joints yield gradually (Iwan, J. Appl. Mech. 33 (1966) 893), and so do the models of Prandtl and
+    Ishlinskii.
+    """
+
+    decades: float = field(default=1.0, metadata=ranged("1", 0.5, 3.0))
+
+    spread: ClassVar[str] = "distance"
+    wording: ClassVar[str] = (
+        "The motion has rate-independent hysteresis of {force} over {decades} decades of distances around {distance}"
+    )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        memories = [self._memory(name, distance, build) for name, distance in self.branches(build)]
+        return signal - self.own("force", build) / 3 * sum(memories)

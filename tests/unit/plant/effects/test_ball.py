@@ -11,6 +11,7 @@ from deatwin.plant import Hysteresis, Plant
 from deatwin.plant.effects.coulomb_friction import CoulombFriction
 from deatwin.plant.effects.cubic_stiffness import CubicStiffness
 from deatwin.plant.effects.end_stop import EndStop
+from deatwin.plant.effects.hysteresis import HysteresisSpectrum
 from deatwin.plant.effects.quadratic_damping import QuadraticDamping
 from deatwin.plant.effects.resonance import Resonance
 
@@ -111,16 +112,30 @@ def memory_of(path, distance, beta):
     return np.array(found)
 
 
-@pytest.mark.parametrize("beta", [0.5, 1.0, 2.0])
-def test_slow_hysteresis_follows_its_own_law_and_no_other(beta):
-    amplitude, period, force, distance, damper = 15e-3, 48.0, 1e-3, 50e-6, 0.5
+@pytest.mark.parametrize(
+    ("hysteresis", "distances"),
+    [
+        *((Hysteresis(force=1e-3, distance=50e-6, beta=beta), [50e-6]) for beta in (0.5, 1.0, 2.0)),
+        (HysteresisSpectrum(force=1e-3, distance=50e-6, beta=1.0, decades=2.0), [5e-6, 50e-6, 500e-6]),
+    ],
+)
+def test_slow_hysteresis_follows_its_own_law_and_no_other(hysteresis, distances):
+    amplitude, period, damper = 15e-3, 48.0, 0.5
     drive = triangles(amplitude, period, count=2)  # from no memory, and round a whole loop
-    got = move(drive, Hysteresis(force=force, distance=distance, beta=beta), damper=damper)
+    got = move(drive, hysteresis, damper=damper)
     slowly = 3 * damper * 4 * amplitude / period / STIFFNESS
     held = drive - STIFFNESS * got
-    np.testing.assert_allclose(held, force * memory_of(got, distance, beta), rtol=0, atol=slowly)
-    assert held.max() == pytest.approx(force, abs=slowly)
-    assert np.abs(held - force * memory_of(got, distance, beta + 1)).max() > 2 * slowly
+
+    def force(beta, distances):
+        return hysteresis.force * np.mean([memory_of(got, distance, beta) for distance in distances], axis=0)
+
+    np.testing.assert_allclose(held, force(hysteresis.beta, distances), rtol=0, atol=slowly)
+    if len(distances) == 1:
+        assert held.max() == pytest.approx(hysteresis.force, abs=slowly)
+        other = force(hysteresis.beta + 1, distances)
+    else:
+        other = force(hysteresis.beta, [hysteresis.distance])
+    assert np.abs(held - other).max() > 2 * slowly
 
 
 def test_a_free_swing_under_friction_loses_as_much_at_each_turn():
