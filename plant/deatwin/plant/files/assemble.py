@@ -22,6 +22,7 @@ from deatwin.plant.files.formats.tdms import STARTED
 from deatwin.plant.files.timecolumns import (
     counts_by_one,
     is_count,
+    likely_times,
     no_times,
     require_unit,
     time_column,
@@ -146,6 +147,7 @@ def recordings_of(
         if told is not None and (np.diff(told) <= 0.0).any():
             require_wide(table)
             _require_no_copies(source, told)
+            _require_no_finer_times(bare, others)
         if times is None or not ticks:
             raise
         offers = ReadOptions(time_column=f"{table.unmistakable(times)}=ms")
@@ -250,6 +252,18 @@ def _require_no_copies(source: "_Source", times: Floats) -> None:
         )
 
 
+def _require_no_finer_times(table: Table, others: set[int]) -> None:
+    """Refuse times that repeat or go back where another column of times increases."""
+    for column in likely_times(table, others):
+        if UNITS[table.units[column]].si == "s" or LIKE_TIMES.search(table.names[column]):
+            offers = times_options(table, column)
+            raise DataError(
+                f'{table.path}: the times repeat or go back, but those in the column "{table.shown(column)}" increase; name it: '
+                f"{offers}",
+                offers,
+            )
+
+
 def _is_filled(table: Table, column: int) -> bool:
     """Return whether a column has a value in more than one row."""
     return sum(bool(text.strip()) for text in table.texts(column)) > 1
@@ -285,7 +299,7 @@ def _tell_marks(table: Table, column: int, values: Floats, *, is_input: bool) ->
         at_limit = written.lstrip("+-").isdecimal() and int(written) in _LIMITS
         apart = (np.abs(rest - found[k]).min() > _FAR * np.ptp(rest) for rest in (np.delete(found, k), found[1:-1]))
         far = (usual or at_limit or (counts[k] > 1 and not is_input)) and any(apart)
-        if far or (at_limit and counts[k] > 1):
+        if far or (at_limit and counts[k] > 1 and not is_input):
             logger.warning(
                 '%s, column "%s": %s stands in %d row%s, %s; if it marks missing values, leave these cells empty',
                 table.where(sample),

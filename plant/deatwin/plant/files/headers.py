@@ -94,6 +94,13 @@ _FACTOR = re.compile(
 """Factor in the name of a column, of which nobody knows whether it was applied: ``HV x1000``, ``U/100``, ``1:1000``."""
 _BEHIND = re.compile(r"[)\]][^()\[\]]*$")
 _RATIO = re.compile(r"(?<![\d.])\d[\d.]*\s?([^\W\d_]+)\s?(/|=|≙|→|->|\bper\b|\bpro\b)\s?(?:\d[\d.]*\s?)?([^\W\d_]+)")
+_SCALING = re.compile(
+    r"(?i)gain|scal|skal|divid|teiler|multipl|monitor|verst|attenuat|volt|spannung"
+    r"|(?<![^\W_])(?:ampl?|amplifier|factor|faktor|HV)(?![^\W_])"
+)
+"""Words of a remark in which a factor is one of signals, and not of a mixture, a lens or the first of ten runs."""
+_SUPPLY = frozenset(UNITS[unit].si for unit in ("V", "A", "Hz", "F", "W", "ohm"))
+"""Units in the ratings of a supply or a part: ``24 V / 5 A``."""
 TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _LIKE_TIME = re.compile("(?i)time|stamp|clock|zeit|elapsed|temps|tiempo")
 _SYMBOLS_OF = {"s": "m", "h": "m", "l": "m", "m": "kg", "F": "N", "T": "K", "C": "F", "W": "J"}
@@ -182,9 +189,16 @@ def scale_in(remark: str) -> str:
 
     >>> scale_in("# 1 V = 10 kV (Trek)"), scale_in("# gain 2000"), scale_in("# v = 10 mm/s, 12:00:00, C:/a/100.csv")
     ('1 V = 10 kV', 'gain 2000', '')
+    >>> scale_in("# Sylgard 184, 10:1"), scale_in("# 10 kV / 10 mA"), scale_in("# laser: 10 mm / 10 V")
+    ('', '', '10 mm / 10 V')
     """
     found = _factor("", f"){remark}") or _factor(remark, remark)
-    return "" if found.startswith("/") else found
+    if ratio := _RATIO.fullmatch(found):
+        below = re.search(r"/\s?(\d[\d.]*)", found)
+        units = {UNITS[find_unit(ratio[1])].si, UNITS[find_unit(ratio[3])].si}
+        rated = below and float(below[1].rstrip(".")) != 1.0 and len(units) > 1 and units <= _SUPPLY
+        return scale_in(remark.replace("_", " ").replace(found, "")) if rated else found
+    return found if _SCALING.search(remark) and not found.startswith("/") else ""
 
 
 def _split(header: str) -> tuple[str, str]:
