@@ -45,7 +45,7 @@ from deatwin.plant.files.csvtext import (
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.optional import reading
 from deatwin.plant.files.formats.table import Declared, Table
-from deatwin.plant.files.headers import TIME_NAMES, for_name, scale_in, split_unit, split_units
+from deatwin.plant.files.headers import for_name, scale_in, split_unit, split_units
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
@@ -87,6 +87,7 @@ _PARTS = (
 """Names of a column with the part of a second behind a column of whole seconds, and the digits of this part."""
 _HOURS = re.compile(r"(h|hh|hours?|stunden?) (min|mm|minutes?|minuten?) (s|ss|sec|seconds?|sekunden?)")
 """Last words of the names of three columns with hours, minutes and seconds."""
+_OF_DAYS = re.compile(r"(?i)date|datum|fecha")  # Name of a column that says only the day
 _OF_DAY = re.compile(r"(\d{1,2}) ([0-5]?\d) ([0-5]?\d(?:[.,]\d*)?)")
 _EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
 _RULED = re.compile(r"(?=.*(?:---|===|[-–]\s*[,;|\t]\s*[-–]))[-–=+:|,;\t ]+")
@@ -510,7 +511,8 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
                 names[k - 1], [split_cells(line, layout.delimiter) for line in lines], k
             )
     for k in range(2, len(headers)):
-        timed = any(name.lower() in TIME_NAMES for name in (*names[: k - 2], *names[k + 1 :]))
+        others = [j for j in range(len(headers)) if not k - 2 <= j <= k + 1 and not _OF_DAYS.fullmatch(names[j])]
+        timed = any(_is_time(names[j], units[j]) for j in others)
         joined = None if timed else _with_hours(lines, layout.delimiter, k, headers)
         if joined is not None:
             lines, names[k - 2 : k + 1] = joined, ["", "", "time"]

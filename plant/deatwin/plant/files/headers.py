@@ -1,7 +1,7 @@
 """Split the header of a column into name and unit."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from deatwin.plant.files.units import FULL_WIDTH, UNITS, find_unit, without_latex
 
@@ -175,13 +175,17 @@ def _factor(name: str, header: str) -> str:
         for match in _FACTOR.finditer(text):
             if match[0] in whole:  # unlike x 10 in the name of pos_x (mm) 10
                 return match[0].strip(" _")
-    for match in _RATIO.finditer(name.replace("_", " ")):
+    return next((match[0] for match in _ratios(name)), "")
+
+
+def _ratios(text: str) -> Iterator[re.Match[str]]:
+    """Yield the ratios of units in a text that may be scales: of a voltage or a current, and of no field or rate."""
+    for match in _RATIO.finditer(text.replace("_", " ")):
         above, below = (UNITS[find_unit(part)].si for part in (match[1], match[3]))
         electric = ("V", "A")
         field = match[1] in ("kV", "MV") or f"{match[1]}/{find_unit(match[3])}" == "V/um"
         if above and below and below != "s" and (below in electric or (above in electric and not field)):
-            return match[0]
-    return ""
+            yield match
 
 
 def scale_in(remark: str) -> str:
@@ -192,13 +196,14 @@ def scale_in(remark: str) -> str:
     >>> scale_in("# Sylgard 184, 10:1"), scale_in("# 10 kV / 10 mA"), scale_in("# laser: 10 mm / 10 V")
     ('', '', '10 mm / 10 V')
     """
-    found = _factor("", f"){remark}") or _factor(remark, remark)
-    if ratio := _RATIO.fullmatch(found):
-        below = re.search(r"/\s?(\d[\d.]*)", found)
-        units = {UNITS[find_unit(ratio[1])].si, UNITS[find_unit(ratio[3])].si}
-        rated = below and float(below[1].rstrip(".")) != 1.0 and len(units) > 1 and units <= _SUPPLY
-        return scale_in(remark.replace("_", " ").replace(found, "")) if rated else found
-    return found if _SCALING.search(remark) and not found.startswith("/") else ""
+    for ratio in _ratios(remark):
+        below = re.search(r"/\s?(\d[\d.]*)", ratio[0])
+        units = {UNITS[find_unit(ratio[k])].si for k in (1, 3)}
+        rated = below and below[1] != "1" and len(units) > 1 and units <= _SUPPLY
+        if not rated:
+            return ratio[0]
+    found = _factor("", f"){remark}") if _SCALING.search(remark) else ""
+    return "" if found.startswith("/") else found
 
 
 def _split(header: str) -> tuple[str, str]:
