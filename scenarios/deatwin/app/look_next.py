@@ -13,7 +13,7 @@ from deatwin.ident.look import Look
 from deatwin.ident.look.inputs import InputShape
 from deatwin.ident.look.link import LinkStatus
 from deatwin.plant.files.understood import Understood
-from deatwin.plant.rigs.rigkinds import KINDS
+from deatwin.plant.rigs.rigkinds import COMMANDS, KINDS
 
 LEAST = 20  # Least samples: `deatwin identify` fits 14 of them and holds out 6; fewer leave nothing to judge a model by
 
@@ -39,8 +39,9 @@ class Next:
 def next_step(seen: Sequence[Seen], rig: str | None = None, kind: str = "diaphragm") -> Next:
     """Recommend what to run next. `rig` is the rig file to be filled in, if any, and `kind` the kind of its rig."""
     if rig is not None and not seen:
+        low, high = (name for pair in COMMANDS for _, name in pair if name in KINDS[kind].drive)
         return Next(
-            sentence=f"fill in {rig}; this command then shows, before you record, which effects an input would reveal",
+            sentence=f"fill in {rig}, {low} and {high} too; this command then shows, before you record, which effects an input would reveal",
             command=shlex.join(["deatwin", "plan", rig, "--out", "planned"]),
         )
     read = [(one.file, one.look) for one in seen if one.look is not None]

@@ -146,8 +146,8 @@ def recordings_of(
             raise DataError(fault) from None
         if told is not None and (np.diff(told) <= 0.0).any():
             require_wide(table)
+            _require_no_finer_times(bare, others, times)
             _require_no_copies(source, told)
-            _require_no_finer_times(bare, others)
         if times is None or not ticks:
             raise
         offers = ReadOptions(time_column=f"{table.unmistakable(times)}=ms")
@@ -252,14 +252,14 @@ def _require_no_copies(source: "_Source", times: Floats) -> None:
         )
 
 
-def _require_no_finer_times(table: Table, others: set[int]) -> None:
+def _require_no_finer_times(table: Table, others: set[int], times: int | None) -> None:
     """Refuse times that repeat or go back where another column of times increases."""
     for column in likely_times(table, others):
         if UNITS[table.units[column]].si == "s" or LIKE_TIMES.search(table.names[column]):
             offers = times_options(table, column)
             raise DataError(
-                f'{table.path}: the times repeat or go back, but those in the column "{table.shown(column)}" increase; name it: '
-                f"{offers}",
+                f'{table.path}: the times in the column "{table.shown(times)}" repeat or go back, but those in the column '
+                f'"{table.shown(column)}" increase; name it: {offers}',
                 offers,
             )
 
