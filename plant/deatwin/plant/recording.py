@@ -411,7 +411,8 @@ def _require_even_index(inputs: Any, outputs: Any, sample_time: float) -> None:
             ".to_numpy() of each where the order alone counts"
         )
     for index in indexes[:1]:
-        values, unit = np.asarray(index.values), UNITS[split_unit(str(index.name))[1]]
+        zoned = getattr(index, "tz", None) is not None
+        values, unit = (index.tz_convert(None) if zoned else index).to_numpy(), UNITS[split_unit(str(index.name))[1]]
         timed = values.dtype.kind in "mM" or unit.si == "s"
         if values.dtype.kind in "mM":
             values = (values - values[0]) / np.timedelta64(1, "s")

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.plant.errors import nearest
+from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.files.units import UNITS, find_unit
+from deatwin.plant.material import material
 from deatwin.plant.readings import ELECTRICAL_UNITS
 from deatwin.plant.rigs.rigkeys import DRIVE, HIGHEST_FILM_VOLTAGE, Keys, NumberKey, TextKey, kind_of
 from deatwin.plant.rigs.rigkinds import COMMANDS, KINDS, Pair
@@ -52,7 +53,11 @@ class Mistake:
 def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     """Find all mistakes of a rig file."""
     key = _key_of_kind(data)
-    kind, wrong = _kind(data.get(key, "diaphragm"))
+    kind, wrong = _kind(data[key] if key in data else _misplaced_kind(data))
+    if key not in data and kind == "diaphragm" and (others := _kinds_with(data)):
+        meant = " or ".join(f'kind = "{other}"' for other in others)
+        text = f'the key "kind" is missing, and the keys are those of another kind of rig; write {meant} above all sections'
+        return [Mistake(text=text)]
     table = KINDS[kind].sections
     strange = (name for name in data if name not in (*table, "kind", "material", READINGS))
     outside = [m for name in strange for m in ([_misnamed_kind(name)] if name == key else _outside(name, data, table))]
@@ -113,6 +118,22 @@ def _key_of_kind(data: Mapping[str, Any]) -> str:
     return next((name for name in texts if data[name] in KINDS or nearest(name[:100], ("kind",))), "kind")
 
 
+def _misplaced_kind(data: Mapping[str, Any]) -> str:
+    """Return the kind that stands in a section instead of above all; the usual one if there is none."""
+    inside = (values["kind"] for values in data.values() if isinstance(values, Mapping) and "kind" in values)
+    return next((kind for kind in inside if isinstance(kind, str) and kind in KINDS), "diaphragm")
+
+
+def _kinds_with(data: Mapping[str, Any]) -> list[str]:
+    """Return the kinds of rig that have all keys of a rig file, if the diaphragm has not."""
+    written = [(section, name) for section, values in data.items() if isinstance(values, Mapping) for name in values]
+    unknown = {
+        kind: [name for section, name in written if name not in rig.sections.get(section, (name,))]
+        for kind, rig in KINDS.items()
+    }
+    return [kind for kind in KINDS if unknown["diaphragm"] and not unknown[kind]]
+
+
 def _misnamed_kind(name: str) -> Mistake:
     """Return the mistake of another name for the key ``kind``."""
     return Mistake(text=f'unknown key "{clipped(name)}"; did you mean "kind"?', line_of=(name,))
@@ -131,6 +152,12 @@ def _kind(name: object) -> tuple[str, list[Mistake]]:
 def _material(data: Mapping[str, Any], film: object) -> Iterator[Mistake]:
     """Find mistakes of the section [material], which may replace the key in [film]."""
     if "material" not in data:
+        name = film.get("material") if isinstance(film, Mapping) else None
+        try:
+            if isinstance(name, str) and name and not name.endswith(".toml"):
+                material(name)
+        except RigError as error:
+            yield Mistake(text=str(error), at=("film", "material"))
         return
     if isinstance(film, Mapping) and "material" in film:
         yield Mistake(text="there is a section [material] too; keep one of them", at=("film", "material"))
@@ -157,7 +184,8 @@ def format_errors(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place
     """Write mistakes as the text of one error."""
     if len(mistakes) == 1:
         (only,) = mistakes
-        return f"{source}, {only.where}: {only.text}" if only.at else f"{source}: {only.text}"
+        place = _prefix(_line(only, lines), only.where)
+        return f"{source}, {place}{only.text}" if place else f"{source}: {only.text}"
     placed = [(_line(mistake, lines), mistake) for mistake in mistakes]
     placed.sort(key=lambda pair: (pair[0] is None, pair[0]))
     parts = [
