@@ -125,13 +125,15 @@ def _misplaced_kind(data: Mapping[str, Any]) -> str:
 
 
 def _kinds_with(data: Mapping[str, Any]) -> list[str]:
-    """Return the kinds of rig that have all keys of a rig file, if the diaphragm has not."""
-    written = [(section, name) for section, values in data.items() if isinstance(values, Mapping) for name in values]
-    unknown = {
-        kind: [name for section, name in written if name not in rig.sections.get(section, (name,))]
-        for kind, rig in KINDS.items()
-    }
-    return [kind for kind in KINDS if unknown["diaphragm"] and not unknown[kind]]
+    """Return the kinds of rig that have all keys of a rig file, and lack the fewest, if the diaphragm has not."""
+    sections = {name: values for name, values in data.items() if isinstance(values, Mapping)}
+    written = {(name, key) for name, keys in sections.items() if name not in ("material", READINGS) for key in keys}
+    lacking: dict[str, int] = {}
+    for kind, rig in KINDS.items():
+        known = {(name, key): about.required for name, keys in rig.sections.items() for key, about in keys.items()}
+        if written <= known.keys():
+            lacking[kind] = sum(known.values()) - sum(known[place] for place in written)
+    return [] if "diaphragm" in lacking else [kind for kind in lacking if lacking[kind] == min(lacking.values())]
 
 
 def _misnamed_kind(name: str) -> Mistake:
