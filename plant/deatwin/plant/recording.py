@@ -4,6 +4,7 @@ import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from os import PathLike
 from typing import Any, Self
 
 import numpy as np
@@ -169,13 +170,8 @@ class Recording(Rebuilt):
         (1, 3)
         """
         rows_in, rows_out = rows_of_signals(inputs, "inputs"), rows_of_signals(outputs, "outputs")
-        sample_time = seconds(sample_time, "sample_time")
+        sample_time = stated_seconds(sample_time, "sample_time")
         _require_even_index(inputs, outputs, sample_time)
-        if sample_time >= _RATE and sample_time.is_integer():
-            logger.warning(
-                "sample_time is %g s, so %d samples last %g s; if %g is the sample rate in Hz, give 1 / %g",
-                *(sample_time, rows_in.shape[-1], sample_time * rows_in.shape[-1], sample_time, sample_time),
-            )
         names_in, units_in = _labels("input", len(rows_in), input_names, input_units, UNSTATED["input"])
         names_out, units_out = _labels("output", len(rows_out), output_names, output_units, UNSTATED["output"])
         made = cls(
@@ -326,9 +322,7 @@ class Experiment:
             raise DataError("an experiment needs at least one recording")
         for one in given:
             if not isinstance(one, Recording):
-                raise DataError(
-                    f"a {type(one).__name__} is not a recording: make one of arrays with Recording.from_arrays"
-                )
+                raise DataError(f"a {type(one).__name__} is not a recording: {way_to_record(one)}")
         ordered = tuple(sorted(given, key=lambda recording: recording.start))
         for before, after in pairwise(ordered):
             _require_one_clock(before, after)
@@ -358,6 +352,21 @@ class Experiment:
 def as_experiment(given: Experiment | Recording) -> Experiment:
     """Return an experiment; a single recording is an experiment of its own."""
     return given if isinstance(given, Experiment) else Experiment(recordings=(given,))
+
+
+def stated_seconds(sample_time: object, what: str) -> float:
+    """Return a sample time that a user states; warn if it may rather be a sample rate."""
+    step = seconds(sample_time, what)
+    if step >= _RATE and step.is_integer():
+        logger.warning("%s is %g s; if %g is the sample rate in Hz, give %g", what, step, step, 1.0 / step)
+    return step
+
+
+def way_to_record(given: object) -> str:
+    """Return how to make a recording of what was given in place of one."""
+    if isinstance(given, str | PathLike):
+        return "read a Recording from a file with read_recording"
+    return "make a Recording of arrays with Recording.from_arrays"
 
 
 def label(recording: Recording) -> str:

@@ -110,7 +110,7 @@ class TestRecording:
         self, sample_time: float, told: bool, caplog: pytest.LogCaptureFixture
     ) -> None:
         assert Recording.from_arrays(np.ones(9), np.ones(9), sample_time).sample_time == sample_time
-        assert ("is the sample rate in Hz, give 1 / 50" in caplog.text) == told
+        assert ("is the sample rate in Hz, give 0.02" in caplog.text) == told
 
     def test_survives_the_way_to_another_process(self) -> None:
         copy = pickle.loads(pickle.dumps(ramp()))

@@ -36,7 +36,7 @@ from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import LIKE_TIMES, USUAL_TIMES
 from deatwin.plant.readings import ELECTRICAL_UNITS, MEANS, Reading
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
-from deatwin.plant.recording import Recording, label
+from deatwin.plant.recording import Recording, label, stated_seconds
 from deatwin.plant.resampling import Resampling, plan_resampling
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
@@ -357,6 +357,7 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
 
 def _stated(table: Table, used: list[int], dt: float | None) -> Timing | None:
     """Return the clock stated in the file, else that stated by the user."""
+    dt = None if dt is None else stated_seconds(dt, f"{table.path}: dt")
     if dt is not None and not (np.isfinite(dt) and dt > 0.0):
         raise DataError(f"{table.path}: dt is {dt} s; the sample time must be positive")
     stated = table.timing(used)

@@ -92,6 +92,12 @@ _OF_DAY = re.compile(r"(\d{1,2}) ([0-5]?\d) ([0-5]?\d(?:[.,]\d*)?)")
 _EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
 _RULED = re.compile(r"(?=.*(?:---|===|[-–]\s*[,;|\t]\s*[-–]))[-–=+:|,;\t ]+")
 """Line that underlines the names, or says of no column that it has a unit."""
+_NO_PATHS = {
+    "://": "; download it first, and give the file",
+    "~": "; write the whole path in place of ~",
+    "*": "; give the files one by one, in Python with pathlib.Path.glob",
+}
+"""Marks of what a shell or a browser knows, and what to give in its place."""
 _ALIKE = 3  # Number of rows that show how many digits numbers have
 _PIECE = 50_000  # Number of lines that are split at a time
 
@@ -644,6 +650,7 @@ def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:
         found = folder.iterdir() if folder.is_dir() else ()
         beside = [entry.name for entry in found if entry.is_file() and entry.suffix.lower() == ending]
         # Stricter than usual, because all candidates have the same ending.
-        raise DataError(f"{path}: no such file{nearest(Path(path).name, beside, likeness=0.8)}") from None
+        way = next((way for mark, way in _NO_PATHS.items() if mark in str(path)), "")
+        raise DataError(f"{path}: no such file{nearest(Path(path).name, beside, likeness=0.8) or way}") from None
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from None

@@ -773,6 +773,14 @@ def test_rows_may_repeat_the_names(tmp_path: Path, write: Callable[[float, float
         read_recording(tmp_path / "r.txt", input_column="u_V", output_column="y_mm")
 
 
+def test_a_sample_time_is_a_number_of_seconds(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "r.csv").write_text("command_V,displacement_mm\n" + table(U, Y), encoding="utf-8")
+    with pytest.raises(DataError, match="r.csv: dt must be one number, in s; got a str"):
+        read_recording(tmp_path / "r.csv", dt="50 Hz")
+    assert read_recording(tmp_path / "r.csv", dt=50).sample_time == 50.0
+    assert "dt is 50 s; if 50 is the sample rate in Hz, give 0.02" in caplog.text
+
+
 def test_a_file_with_one_signal_says_so(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text(table(U), encoding="utf-8")
     with pytest.raises(DataError, match="the file holds only one signal; input and output must be columns of one file"):
