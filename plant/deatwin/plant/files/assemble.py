@@ -144,7 +144,7 @@ def recordings_of(
     except DataError as error:
         if times is not None and (fault := unpadded(table, times)):
             raise DataError(fault) from None
-        if told is not None and (np.diff(told) <= 0.0).any():
+        if told is not None and times is not None and (np.diff(told) <= 0.0).any():
             require_wide(table)
             _require_no_finer_times(bare, others, times)
             _require_no_copies(source, told)
@@ -252,7 +252,7 @@ def _require_no_copies(source: "_Source", times: Floats) -> None:
         )
 
 
-def _require_no_finer_times(table: Table, others: set[int], times: int | None) -> None:
+def _require_no_finer_times(table: Table, others: set[int], times: int) -> None:
     """Refuse times that repeat or go back where another column of times increases."""
     for column in likely_times(table, others):
         if UNITS[table.units[column]].si == "s" or LIKE_TIMES.search(table.names[column]):

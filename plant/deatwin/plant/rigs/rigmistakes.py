@@ -55,8 +55,8 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     key = _key_of_kind(data)
     kind, wrong = _kind(data[key] if key in data else _misplaced_kind(data))
     if key not in data and kind == "diaphragm" and (others := _kinds_with(data)):
-        meant = " or ".join(f'kind = "{other}"' for other in others)
-        text = f'the key "kind" is missing, and the keys are those of another kind of rig; write {meant} above all sections'
+        entry = " or ".join(f'kind = "{other}"' for other in others)
+        text = f'the key "kind" is missing, and the keys are those of another kind of rig; write {entry} above all sections'
         return [Mistake(text=text)]
     table = KINDS[kind].sections
     strange = (name for name in data if name not in (*table, "kind", "material", READINGS))

@@ -775,7 +775,7 @@ def test_rows_may_repeat_the_names(tmp_path: Path, write: Callable[[float, float
 
 def test_a_sample_time_is_a_number_of_seconds(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     (tmp_path / "r.csv").write_text("command_V,displacement_mm\n" + table(U, Y), encoding="utf-8")
-    with pytest.raises(DataError, match="r.csv: dt must be one number, in s; got a str"):
+    with pytest.raises(DataError, match=r"r\.csv: dt must be one number, in s; got a str"):
         read_recording(tmp_path / "r.csv", dt="50 Hz")
     assert read_recording(tmp_path / "r.csv", dt=50).sample_time == 50.0
     assert "dt is 50 s; if 50 is the sample rate in Hz, give 0.02" in caplog.text
