@@ -53,8 +53,9 @@ _LETTERS = 3  # Least number of accented letters that follow each other in no la
 _RUSSIAN = re.compile(rb"[\xc0-\xdf]?[\xe0-\xff]{2,}|[\xc0-\xdf]{3,}")
 """Word of Windows-1251: a capital letter and small ones, small letters only, or capital ones only."""
 _FAR_APART = re.compile(r"\s{2,}|\t")
-_LABELLED = re.compile(r'"?([^\W\d][^":=,;\t{}]{0,60}?)"?\s?[:=]\s?("[^"]*"|[^\s",;{}]+)')
+_LABELLED = re.compile(r'"?(?<![^\s,;{"])([^\W\d][^":=,;\t{}]{0,60}?)"?\s?[:=]\s?("[^"]*"|[^\s",;{}]+)')
 """Name and value in one cell, as Arduino's plotter and JSON write them."""
+_WIDE = 2000  # Number of characters of a line from which it is no such row
 _MANY = 10  # Number of rows that must repeat the names, if the file has as many
 
 
@@ -176,7 +177,8 @@ def without_labels(lines: list[str], rows: Sequence[int], path: str) -> tuple[li
 
 def _labelled(line: str) -> list[tuple[str, str]]:
     """Return names and values of a line that holds nothing else."""
-    return [] if _LABELLED.sub("", line).strip(" ,;\t{}") else _LABELLED.findall(line)
+    named = len(line) < _WIDE and _LABELLED.match(line.lstrip(" \t{"))  # quick for lines of another kind
+    return [] if not named or _LABELLED.sub("", line).strip(" ,;\t{}") else _LABELLED.findall(line)
 
 
 def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str], Sequence[int]]:

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.errors import nearest
 from deatwin.plant.files.units import UNITS, find_unit
-from deatwin.plant.material import material
 from deatwin.plant.readings import ELECTRICAL_UNITS
 from deatwin.plant.rigs.rigkeys import DRIVE, HIGHEST_FILM_VOLTAGE, Keys, NumberKey, TextKey, kind_of
 from deatwin.plant.rigs.rigkinds import COMMANDS, KINDS, Pair
@@ -154,12 +153,6 @@ def _kind(name: object) -> tuple[str, list[Mistake]]:
 def _material(data: Mapping[str, Any], film: object) -> Iterator[Mistake]:
     """Find mistakes of the section [material], which may replace the key in [film]."""
     if "material" not in data:
-        name = film.get("material") if isinstance(film, Mapping) else None
-        try:
-            if isinstance(name, str) and name and not name.endswith(".toml"):
-                material(name)
-        except RigError as error:
-            yield Mistake(text=str(error), at=("film", "material"))
         return
     if isinstance(film, Mapping) and "material" in film:
         yield Mistake(text="there is a section [material] too; keep one of them", at=("film", "material"))

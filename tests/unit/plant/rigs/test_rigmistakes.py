@@ -131,12 +131,12 @@ def test_a_missing_or_misplaced_kind_is_one_mistake(tmp_path: Path, kind: str) -
 
 def test_a_single_mistake_has_its_line(tmp_path: Path) -> None:
     for old, new, told in (
-        ('"VHB 4905"', '"VHB 4906"', r"line 2, \[film\] material: unknown material 'VHB 4906'; did you mean"),
+        ('"VHB 4905"', '"VHB 4906"', r"rig\.toml, \[film\] material: unknown material 'VHB 4906'; did you mean"),
         ("thickness_mm = 0.5", "thickness_mm = 5e-4", r"line 3, \[film\] thickness_mm: 0\.0005 is out of range"),
     ):
         (tmp_path / "rig.toml").write_text(RIG.replace(old, new), encoding="utf-8")
         with pytest.raises(RigError, match=told):
-            read_rig(tmp_path / "rig.toml")
+            load_plant(tmp_path / "rig.toml")
 
 
 @pytest.mark.parametrize("name", ["reading", "readngs"])
