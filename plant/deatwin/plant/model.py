@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -353,4 +354,9 @@ def _own_effects(rig: Rig, asked: Sequence[object]) -> dict[str, Effect]:
 def require_plant(plant: object, user: str) -> None:
     """Raise ModelError for anything but a plant, such as a rig; `user` is what needs a plant."""
     if not isinstance(plant, Plant):
-        raise ModelError(f"{user} needs a Plant, not a {type(plant).__name__}: make one of a rig with Plant(rig=...)")
+        way = "make one of a rig with Plant(rig=...)"
+        if isinstance(getattr(plant, "plant", None), Plant):
+            way = "give its attribute plant"
+        elif isinstance(plant, str | PathLike):
+            way = "load_plant(path).plant is the one of a file"
+        raise ModelError(f"{user} needs a Plant, not a {type(plant).__name__}: {way}")

@@ -1,8 +1,10 @@
 """Recordings and experiments, the common form of all data in deatwin."""
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from os import PathLike
 from typing import Any, Self
 
 import numpy as np
@@ -12,6 +14,8 @@ from deatwin.plant.arrays import read_only, real_numbers, rows_of_signals, secon
 from deatwin.plant.copies import Rebuilt
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.formats.optional import require
+from deatwin.plant.files.headers import split_unit
+from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import usual_unit
 from deatwin.plant.words import spaced
 
@@ -19,6 +23,10 @@ UNSTATED = {"input": ("command", "V"), "output": ("displacement", "m")}
 """Name and unit of a single signal if none are given."""
 # Two clocks that drift apart by less than this share of a sample over a record count as one.
 _CLOCK_TOLERANCE = 0.1
+_LONG = 1.5  # Step of an index from which rows are missing, in usual steps
+_RATE = 10.0  # Least whole number of seconds that may rather be a sample rate in Hz
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -152,8 +160,9 @@ class Recording(Rebuilt):
         ------
         DataError
             Same as for the class; if there are more rows than samples, which means that rows and columns are
-            interchanged; if `inputs` and `outputs` are columns of data frames with different indexes; or if
-            `extra_units` names a channel that is not in `extras`.
+            interchanged; if `inputs` and `outputs` are columns of data frames, or arrays of xarray, whose indexes
+            differ, are uneven, or give times at another distance than `sample_time`; or if `extra_units` names a
+            channel that is not in `extras`.
 
         Examples
         --------
@@ -161,7 +170,8 @@ class Recording(Rebuilt):
         (1, 3)
         """
         rows_in, rows_out = rows_of_signals(inputs, "inputs"), rows_of_signals(outputs, "outputs")
-        _require_one_index(inputs, outputs)
+        sample_time = stated_seconds(sample_time, "sample_time")
+        _require_even_index(inputs, outputs, sample_time)
         names_in, units_in = _labels("input", len(rows_in), input_names, input_units, UNSTATED["input"])
         names_out, units_out = _labels("output", len(rows_out), output_names, output_units, UNSTATED["output"])
         made = cls(
@@ -312,9 +322,7 @@ class Experiment:
             raise DataError("an experiment needs at least one recording")
         for one in given:
             if not isinstance(one, Recording):
-                raise DataError(
-                    f"a {type(one).__name__} is not a recording: make one of arrays with Recording.from_arrays"
-                )
+                raise DataError(f"a {type(one).__name__} is not a recording: {way_to_record(one)}")
         ordered = tuple(sorted(given, key=lambda recording: recording.start))
         for before, after in pairwise(ordered):
             _require_one_clock(before, after)
@@ -344,6 +352,21 @@ class Experiment:
 def as_experiment(given: Experiment | Recording) -> Experiment:
     """Return an experiment; a single recording is an experiment of its own."""
     return given if isinstance(given, Experiment) else Experiment(recordings=(given,))
+
+
+def stated_seconds(sample_time: object, what: str) -> float:
+    """Return a sample time that a user states; warn if it may rather be a sample rate."""
+    step = seconds(sample_time, what)
+    if step >= _RATE and step.is_integer():
+        logger.warning("%s is %g s; if %g is the sample rate in Hz, give %g", what, step, step, 1.0 / step)
+    return step
+
+
+def way_to_record(given: object) -> str:
+    """Return how to make a recording of what was given in place of one."""
+    if isinstance(given, str | PathLike):
+        return "read a Recording from a file with read_recording"
+    return "make a Recording of arrays with Recording.from_arrays"
 
 
 def label(recording: Recording) -> str:
@@ -388,16 +411,42 @@ def _labels(
     return names, texts(units) if units is not None else ("",) * count
 
 
-def _require_one_index(inputs: Any, outputs: Any) -> None:
-    """Raise DataError if both are columns of data frames, (n,), whose rows differ."""
-    first, second = (
-        values.index if hasattr(values, "iloc") and np.ndim(values) == 1 else None for values in (inputs, outputs)
-    )
-    if first is not None and second is not None and not first.equals(second):
+def _require_even_index(inputs: Any, outputs: Any, sample_time: float) -> None:
+    """Raise DataError if columns of a data frame or arrays of xarray, (n,), differ in their rows, or these are uneven."""
+    indexes = [index for index in map(_index, (inputs, outputs)) if index is not None]
+    if len(indexes) == 2 and not indexes[0].equals(indexes[1]):
         raise DataError(
             "the indexes of inputs and outputs differ, so their rows do not belong together; align the columns, or pass "
             ".to_numpy() of each where the order alone counts"
         )
+    for index in indexes[:1]:
+        zoned = getattr(index, "tz", None) is not None
+        values, unit = (index.tz_convert(None) if zoned else index).to_numpy(), UNITS[split_unit(str(index.name))[1]]
+        timed = values.dtype.kind in "mM" or unit.si == "s"
+        if values.dtype.kind in "mM":
+            values = (values - values[0]) / np.timedelta64(1, "s")
+        elif values.dtype.kind not in "iuf":
+            continue
+        steps = np.diff(values.astype(np.float64)) * (unit.numerator / unit.denominator if unit.si == "s" else 1.0)
+        usual = float(np.median(steps)) if steps.size else sample_time
+        odd = np.flatnonzero((steps <= 0.0) | (steps > _LONG * usual))
+        if odd.size:
+            raise DataError(
+                f"the index goes from {index[odd[0]]} to {index[odd[0] + 1]} at sample {odd[0] + 1}, so the rows are not evenly "
+                "spaced; sort them, and fill gaps, or pass .to_numpy() of each column where the order alone counts"
+            )
+        if timed and abs(usual / sample_time - 1.0) > _CLOCK_TOLERANCE:
+            raise DataError(
+                f"the index advances by {usual:g} s, but sample_time is {sample_time:g} s; give the sample time in s, or pass "
+                ".to_numpy() of each column if the index is not the time"
+            )
+
+
+def _index(values: Any) -> Any:
+    """Return the index of a column of a data frame or of an array of xarray, (n,); None if there is none."""
+    if np.ndim(values) != 1:
+        return None
+    return values.index if hasattr(values, "iloc") else next(iter(getattr(values, "indexes", {}).values()), None)
 
 
 def _require_texts(what: str, given: tuple[object, ...]) -> None:
@@ -411,4 +460,7 @@ def _require_finite(name: str, values: NDArray[np.float64]) -> None:
     finite = np.isfinite(values)
     if not finite.all():
         sample = int(np.argmin(finite))
-        raise DataError(f'channel "{name}" is {values[sample]} at sample {sample}: every value must be finite')
+        raise DataError(
+            f'channel "{name}" is {values[sample]} at sample {sample}: every value must be finite; fill it in, or make a '
+            "recording of the samples on each side of it"
+        )

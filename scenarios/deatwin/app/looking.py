@@ -24,7 +24,7 @@ from deatwin.plant.readoptions import ReadOptions
 from deatwin.plant.recording import label
 from deatwin.plant.rigs.rigfile import RigFile
 from deatwin.plant.rigs.rigkeys import AGAINST
-from deatwin.plant.rigs.rigkinds import KINDS
+from deatwin.plant.rigs.rigkinds import COMMANDS, KINDS
 from deatwin.plant.rigs.rigtemplate import AT_MOST, rig_template
 from deatwin.plant.rigs.sketch import draw_rig
 from deatwin.plant.sources import load_plant
@@ -155,8 +155,9 @@ def rig_drawing(kind: str) -> str:
 def next_step(seen: Sequence[Seen], rig: str | None = None, kind: str = "diaphragm") -> Next:
     """Recommend what to run next. `rig` is the rig file to be filled in, if any, and `kind` the kind of its rig."""
     if rig is not None and not seen:
+        low, high = (name for pair in COMMANDS for _, name in pair if name in KINDS[kind].drive)
         return Next(
-            sentence=f"fill in {rig}; this command then shows, before you record, which effects an input would reveal",
+            sentence=f"fill in {rig}, {low} and {high} too; this command then shows, before you record, which effects an input would reveal",
             command=shlex.join(["deatwin", "plan", rig, "--out", "planned"]),
         )
     read = [(one.file, one.look) for one in seen if one.look is not None]

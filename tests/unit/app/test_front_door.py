@@ -119,6 +119,10 @@ DATED = (
 )
 FILES = {
     "good.csv": table(),
+    "lab.jsonl": '{"time_s": 0.1, "command_V": 2.0, "displacement_mm": 0.3}\n' * 12 + '{"time_s": 0.2}\n',
+    "coarse.csv": "time_s,time_ms,command_V,displacement_mm\n"
+    + "".join(f"{k // 50},{20 * k},2,0.3\n" for k in range(99)),
+    "single.csv": "".join(f"{math.sin(k):.4f}\n" for k in range(40)),
     "misspelt.csv": table("time_s,comand_V,displacement_mm"),
     "output.csv": table("time_s,command_V,displacment_mm"),
     "clockless.csv": table("number,command_V,displacement_mm"),

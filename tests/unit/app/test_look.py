@@ -152,9 +152,16 @@ def test_a_rig_file_to_fill_in(at_desk, capsys):
 @pytest.mark.parametrize("kind", RigKind)
 def test_a_rig_file_before_anything_is_recorded(at_desk, kind, capsys):
     assert main(["look", "--rig", kind, "--out", "looked"]) == 0
-    assert "deatwin plan looked/rig.toml --out planned" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "deatwin plan looked/rig.toml --out planned" in said
+    named = re.search(r"fill in looked/rig\.toml, (\w+) and (\w+) too", said)
+    assert named is not None
     path = Path("looked/rig.toml")
-    path.write_text(re.sub(r"^#(?=\w)", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE), encoding="utf-8")
+    text = path.read_text(encoding="utf-8")
+    wanted = rf"(?<!may be left out\n)^#(?=\w+ =)|^#(?=(?:{named[1]}|{named[2]}) =)"
+    path.write_text(re.sub(wanted, "", text, flags=re.MULTILINE), encoding="utf-8")
+    assert GivenPlant.load(str(path)).model.plant.rig.command_range is not None  # plan needs it to suggest an input
+    path.write_text(re.sub(r"^#(?=\w)", "", text, flags=re.MULTILINE), encoding="utf-8")
     assert GivenPlant.load(str(path)).model.plant.rig.sample_time > 0.0
     assert Path("looked/rig.svg").read_text(encoding="utf-8").lstrip().startswith("<")
 

@@ -83,6 +83,35 @@ class TestRecording:
         with pytest.raises(DataError, match="the indexes of inputs and outputs differ"):
             Recording.from_arrays(frame["u"][:-1], frame["y"][1:], 1.0)
 
+    @pytest.mark.parametrize("form", ["times", "durations", "seconds", "milliseconds", "xarray", "rows"])
+    def test_an_index_must_be_even_and_agree_with_the_sample_time(self, form: str) -> None:
+        times = 0.02 * np.arange(10)
+        frame = pandas.DataFrame({"u": np.arange(10.0), "y": np.ones(10)})
+        frame.index = {
+            "times": pandas.Timestamp("2024-05-01", tz="Europe/Berlin") + pandas.to_timedelta(times, unit="s"),
+            "durations": pandas.to_timedelta(times, unit="s"),
+            "seconds": pandas.Index(times, name="time_s"),
+            "milliseconds": pandas.Index(1e3 * times, name="t (ms)"),
+            "xarray": pandas.Index(times, name="time_s"),
+        }.get(form, frame.index)
+        table = frame.to_xarray() if form == "xarray" else frame
+        assert Recording.from_arrays(table["u"], table["y"], 0.02).n_samples == 10
+        if form != "rows":  # they tell nothing of the time
+            with pytest.raises(DataError, match=r"the index advances by 0\.02 s, but sample_time is 50 s"):
+                Recording.from_arrays(table["u"], table["y"], 50)
+        for rows in ([0, 2, 1, 3], [0, 1, 1, 2], [0, 1, 2, 6]):
+            part = frame.iloc[rows].to_xarray() if form == "xarray" else frame.iloc[rows]
+            with pytest.raises(DataError, match=r"at sample \d, so the rows are not evenly spaced; sort them"):
+                Recording.from_arrays(part["u"], part["y"], 0.02)
+        assert Recording.from_arrays(part["u"].to_numpy(), part["y"].to_numpy(), 0.02).n_samples == 4
+
+    @pytest.mark.parametrize(("sample_time", "told"), [(50, True), (0.02, False), (1.0, False), (12.5, False)])
+    def test_a_rate_in_place_of_the_sample_time_is_told(
+        self, sample_time: float, told: bool, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        assert Recording.from_arrays(np.ones(9), np.ones(9), sample_time).sample_time == sample_time
+        assert ("is the sample rate in Hz, give 0.02" in caplog.text) == told
+
     def test_survives_the_way_to_another_process(self) -> None:
         copy = pickle.loads(pickle.dumps(ramp()))
         np.testing.assert_array_equal(copy.outputs, ramp().outputs)

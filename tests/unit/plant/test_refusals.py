@@ -220,8 +220,11 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
     (lambda: Experiment(recordings=()), "at least one recording"),
     (
         lambda: Experiment(recordings=np.ones(3)),
-        "a float64 is not a recording: make one of arrays with Recording.from_arrays",
+        "a float64 is not a recording: make a Recording of arrays with Recording.from_arrays",
     ),
+    (lambda: Experiment(recordings=["a.csv"]), "a str is not a recording: read a Recording from a file with read_reco"),
+    (lambda: read_recording("run*.csv"), "no such file; give the files one by one"),
+    (lambda: read_recording("https://host.org/a.csv"), "no such file; download it first"),
     (lambda: PLANT.simulate(np.ones(3)), "a ndarray is not a recording|a float64 is not a recording"),
     (
         lambda: PLANT.simulate(ramp(input_names="command", input_units="kV")),
@@ -428,6 +431,15 @@ WRONG_KINDS = [
     (lambda value: random_odd_harmonics(value, 40.0, 2.0), GENERATOR),
     (lambda value: fleet(value), SEED),
 ]
+
+
+def test_what_holds_a_plant_is_told_from_what_names_its_file() -> None:
+    for given, says in (
+        (CalibratedPlant.nominal(PLANT), "not a CalibratedPlant: give its attribute plant"),
+        ("rig.toml", r"needs a Plant, not a str: load_plant\(path\)\.plant is the one of a file"),
+    ):
+        with pytest.raises(ModelError, match=says):
+            plant_source(given)
 
 
 @pytest.mark.parametrize("seed", [None, -1, True, RNG])

@@ -18,7 +18,7 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Lags, Rule, Term, TermTable, Variable, channel_lags, generate_terms, require_terms
 from deatwin.plant.arrays import Array
 from deatwin.plant.errors import ModelError
-from deatwin.plant.recording import Experiment, Recording, label
+from deatwin.plant.recording import Experiment, Recording, label, way_to_record
 
 Recordings = Recording | Experiment | Iterable[Recording | Experiment]
 
@@ -230,10 +230,9 @@ def flatten(recordings: Recordings) -> tuple[Recording, ...]:
         return (recordings,)
     if isinstance(recordings, Experiment):
         return tuple(recordings.recordings)
-    if isinstance(recordings, str | bytes) or not isinstance(recordings, Iterable):
+    if isinstance(recordings, str | bytes) or hasattr(recordings, "shape") or not isinstance(recordings, Iterable):
         raise ModelError(
-            f"recordings and experiments are needed, not a {type(recordings).__name__}: "
-            "Recording.from_arrays(inputs, outputs, sample_time) makes a recording of arrays"
+            f"recordings and experiments are needed, not a {type(recordings).__name__}: {way_to_record(recordings)}"
         )
     chosen = tuple(record for item in recordings for record in flatten(item))
     if not chosen:

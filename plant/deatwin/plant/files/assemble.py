@@ -22,6 +22,7 @@ from deatwin.plant.files.formats.tdms import STARTED
 from deatwin.plant.files.timecolumns import (
     counts_by_one,
     is_count,
+    likely_times,
     no_times,
     require_unit,
     time_column,
@@ -35,7 +36,7 @@ from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import LIKE_TIMES, USUAL_TIMES
 from deatwin.plant.readings import ELECTRICAL_UNITS, MEANS, Reading
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
-from deatwin.plant.recording import Recording, label
+from deatwin.plant.recording import Recording, label, stated_seconds
 from deatwin.plant.resampling import Resampling, plan_resampling
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
@@ -143,8 +144,9 @@ def recordings_of(
     except DataError as error:
         if times is not None and (fault := unpadded(table, times)):
             raise DataError(fault) from None
-        if told is not None and (np.diff(told) <= 0.0).any():
+        if told is not None and times is not None and (np.diff(told) <= 0.0).any():
             require_wide(table)
+            _require_no_finer_times(bare, others, times)
             _require_no_copies(source, told)
         if times is None or not ticks:
             raise
@@ -250,6 +252,18 @@ def _require_no_copies(source: "_Source", times: Floats) -> None:
         )
 
 
+def _require_no_finer_times(table: Table, others: set[int], times: int) -> None:
+    """Refuse times that repeat or go back where another column of times increases."""
+    for column in likely_times(table, others):
+        if UNITS[table.units[column]].si == "s" or LIKE_TIMES.search(table.names[column]):
+            offers = times_options(table, column)
+            raise DataError(
+                f'{table.path}: the times in the column "{table.shown(times)}" repeat or go back, but those in the column '
+                f'"{table.shown(column)}" increase; name it: {offers}',
+                offers,
+            )
+
+
 def _is_filled(table: Table, column: int) -> bool:
     """Return whether a column has a value in more than one row."""
     return sum(bool(text.strip()) for text in table.texts(column)) > 1
@@ -285,7 +299,7 @@ def _tell_marks(table: Table, column: int, values: Floats, *, is_input: bool) ->
         at_limit = written.lstrip("+-").isdecimal() and int(written) in _LIMITS
         apart = (np.abs(rest - found[k]).min() > _FAR * np.ptp(rest) for rest in (np.delete(found, k), found[1:-1]))
         far = (usual or at_limit or (counts[k] > 1 and not is_input)) and any(apart)
-        if far or (at_limit and counts[k] > 1):
+        if far or (at_limit and counts[k] > 1 and not is_input):
             logger.warning(
                 '%s, column "%s": %s stands in %d row%s, %s; if it marks missing values, leave these cells empty',
                 table.where(sample),
@@ -343,6 +357,7 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
 
 def _stated(table: Table, used: list[int], dt: float | None) -> Timing | None:
     """Return the clock stated in the file, else that stated by the user."""
+    dt = None if dt is None else stated_seconds(dt, f"{table.path}: dt")
     if dt is not None and not (np.isfinite(dt) and dt > 0.0):
         raise DataError(f"{table.path}: dt is {dt} s; the sample time must be positive")
     stated = table.timing(used)

@@ -22,6 +22,7 @@ from deatwin.plant.readoptions import NO_OPTIONS
 from deatwin.plant.safe_read import clipped
 
 _USUAL = {"input": "command", "output": "displacement"}
+_ONE_FILE = "input and output must be columns of one file"
 _EXTRAS = ("film_voltage", "current", "capacitance", "temperature", "force")
 # Likeness to a usual header from which an unused column is refused as a misspelling.
 _MISSPELT = 0.85
@@ -110,6 +111,8 @@ def _twice(
         named = way.with_column(role, table.unmistakable(other))
         way = times_options(table, other) if role == "time" else named
     hint = f", for example {way}" if way else f": --{role}-column"
+    if not free_columns:
+        hint = f", which no other column of the file can be: {_ONE_FILE}"
     return DataError(
         f'{table.path}: the column "{table.shown(column)}" is {said[0]} and also {said[1]}; name another one for the '
         f"{role}{hint}",
@@ -155,7 +158,7 @@ def data_columns(
     if column is None:
         advice = f"rename that column, or name the {role} column with --{role}-column"
         if set(range(len(table.headers))) <= set(busy):
-            advice = f"no other column can be the {role}: input and output must be columns of one file"
+            advice = f"no other column can be the {role}: {_ONE_FILE}"
         raise _no_column(table, name, advice, offered)
     return (column,)
 
@@ -177,6 +180,8 @@ def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
     columns = range(len(table.headers))
     times = next(iter(likely_times(table, set())), None)
     places = [f"#{k + 1}" for k in columns if not (times is not None and alike(table, k, times)) and works(table, k)]
+    if len(columns) - (times is not None) < len({"input", "output"}.intersection(roles)):
+        raise DataError(f"{table.path}: besides its times, the file holds only one signal; {_ONE_FILE}")
     pairs = [pair for pair in zip(("input", "output"), places, strict=False) if pair[0] in roles]
     said = NO_OPTIONS
     for role, place in pairs:

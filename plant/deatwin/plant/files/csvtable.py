@@ -40,6 +40,7 @@ from deatwin.plant.files.csvtext import (
     require_whole_numbers,
     with_name_of_rows,
     without_index_line,
+    without_labels,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.optional import reading
@@ -50,7 +51,7 @@ from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
 
-TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")  # Endings of the names of files with text
+TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log", ".jsonl", ".ndjson")  # Endings of the names of files with text
 DESCRIPTION = f"# {SCHEMA} "  # Start of a line above the header that holds a description
 _GZIP = b"\x1f\x8b"  # First bytes of a gzip file
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-precision number in Fortran
@@ -75,17 +76,28 @@ _MARKS = re.compile(
     r"(?:[ _-]?value)?[\s\"':=,;.]*(?:is |as |are )?[\s\"':=,;]*(?P<mark>[-+]?\d[\d.]*(?:[eE][-+]?\d+)?)\s*(?:$|[,;:\t)'\"])"
 )
 """Number that a line above the samples declares to mark missing values: ``NODATA: -999.25``."""
-_WHOLE = re.compile(r"\d{1,10}|(.*\D)?\d?\d:\d\d:\d\d")  # Whole seconds, as a number, a time of day or a date
+_WHOLE = re.compile(r"(\d{1,10}|(?:.*\D)?\d?\d:\d\d:\d\d)(?:\.0*)?(\s?[AaPp]\.?[Mm]\.?)?")
+"""Whole seconds: a number, a time of day or a date."""
 _PARTS = (
-    (re.compile(r"(?i)(.*[\W_])?(ms|msec|milli(s|sec|seconds?)?)"), 3),
-    (re.compile(r"(?i)(.*[\W_])?([uµμ]s|usec|micro(s|sec|seconds?)?)"), 6),
-    (re.compile(r"(?i)(.*[\W_])?(ns|nsecs?|nano(s|secs?|seconds?)?)"), 9),
-    (re.compile(r"(?i)(.*[\W_])?frac(tion)?"), 0),
+    (re.compile(r"ms|msec|milli(s|sec|seconds?|sekunden?)?"), 3),
+    (re.compile(r"[uµμ]s|usec|micro(s|sec|seconds?)?"), 6),
+    (re.compile(r"ns|nsecs?|nano(s|secs?|seconds?)?"), 9),
+    (re.compile(r"frac(tion)?"), 0),
 )
 """Names of a column with the part of a second behind a column of whole seconds, and the digits of this part."""
+_HOURS = re.compile(r"(h|hh|hours?|stunden?) (min|mm|minutes?|minuten?) (s|ss|sec|seconds?|sekunden?)")
+"""Last words of the names of three columns with hours, minutes and seconds."""
+_OF_DAYS = re.compile(r"(?i)date|datum|fecha")  # Name of a column that says only the day
+_OF_DAY = re.compile(r"(\d{1,2}) ([0-5]?\d) ([0-5]?\d(?:[.,]\d*)?)")
 _EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
 _RULED = re.compile(r"(?=.*(?:---|===|[-–]\s*[,;|\t]\s*[-–]))[-–=+:|,;\t ]+")
 """Line that underlines the names, or says of no column that it has a unit."""
+_NO_PATHS = {
+    "://": "; download it first, and give the file",
+    "~": "; write the whole path in place of ~",
+    "*": "; give the files one by one, in Python with pathlib.Path.glob",
+}
+"""Marks of what a shell or a browser knows, and what to give in its place."""
 _ALIKE = 3  # Number of rows that show how many digits numbers have
 _PIECE = 50_000  # Number of lines that are split at a time
 
@@ -461,7 +473,7 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         raise DataError(
             f"{name}: this is a universal file (data set {clipped(lines[1].strip())}), which cannot be read; export columns of text"
         )
-    lines, rows = without_index_line(with_name_of_rows(lines), rows)
+    lines, rows = without_labels(*without_index_line(with_name_of_rows(lines), rows), name)
     layout = find_layout(lines, rows, name)
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)
@@ -504,14 +516,18 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
             units[k - 1], said[k - 1] = _unit_of_rows(
                 names[k - 1], [split_cells(line, layout.delimiter) for line in lines], k
             )
-    for k in range(1, len(headers)):
-        joined = (
-            _with_parts_of_seconds(lines, layout.delimiter, k, headers[k])
-            if _is_time(names[k - 1], units[k - 1])
-            else None
-        )
+    for k in range(2, len(headers)):
+        others = [j for j in range(len(headers)) if not k - 2 <= j <= k + 1 and not _OF_DAYS.fullmatch(names[j])]
+        timed = any(_is_time(names[j], units[j]) for j in others)
+        joined = None if timed else _with_hours(lines, layout.delimiter, k, headers)
         if joined is not None:
-            lines, units[k], said[k] = joined, "", ""
+            lines, names[k - 2 : k + 1] = joined, ["", "", "time"]
+            units[k - 2 : k + 1] = said[k - 2 : k + 1] = ["", "", ""]
+    for k in range(1, len(headers)):
+        timed = _is_time(names[k - 1], units[k - 1])
+        joined = _with_parts_of_seconds(lines, layout.delimiter, k, headers) if timed else None
+        if joined is not None:
+            lines, names[k], units[k], said[k] = joined, "", "", ""
     return CsvTable(
         path=name,
         sha256=sha256,
@@ -529,32 +545,70 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
     )
 
 
-def _with_parts_of_seconds(lines: list[str], mark: str, column: int, header: str) -> list[str] | None:
+def _with_hours(lines: list[str], mark: str, column: int, headers: Sequence[str]) -> list[str] | None:
+    """Return lines in which seconds have the hours and minutes from the two columns before; None if these hold no such.
+
+    >>> _with_hours(["9,59,59.98", "10,0,0"], ",", 2, ["Hour", "Minute", "Second"])
+    ['9,59,9:59:59.98', '10,0,10:00:00']
+    """
+    last_words = (re.split(r"[\W_]+", header.strip("()[] "))[-1] for header in headers[column - 2 : column + 1])
+    if not _HOURS.fullmatch(" ".join(last_words).lower()):
+        return None
+    cells = [split_cells(line, mark)[column - 2 : column + 1] for line in lines]
+    found = [_OF_DAY.fullmatch(" ".join(row)) for row in cells]
+    times = [f"{row[1]}:{row[2]:0>2}:{'0' * (row[3][1:2] in ('', '.', ','))}{row[3]}" for row in found if row]
+    return _with_cells(lines, mark, column, [row[-1] for row in cells], times) if len(times) == len(lines) else None
+
+
+def _with_parts_of_seconds(lines: list[str], mark: str, column: int, headers: Sequence[str]) -> list[str] | None:
     """Return lines in which whole seconds have the part of a second from the next column; None if it holds no such part.
 
-    >>> _with_parts_of_seconds(["7,980,a", "7,990,b", "8,0,c"], ",", 1, "msec")
+    The name of the part says nothing else, unlike ``loop_ms``, but that of the seconds: ``tv_sec`` and ``tv_usec``.
+
+    >>> _with_parts_of_seconds(["7,980,a", "7,990,b", "8,0,c"], ",", 1, ["sec", "msec", "note"])
     ['7.980,980,a', '7.990,990,b', '8.000,0,c']
     """
-    digits = next(
-        (count for name, count in _PARTS if name.fullmatch(split_unit(header)[0]) or name.fullmatch(header)), -1
-    )
+    whole, part = (re.split(r"[\W_]+", header.strip("()[] ").lower()) for header in headers[column - 1 : column + 1])
+    own = " ".join(word for word in part if word not in whole or len(part) == 1)
+    digits = next((count for name, count in _PARTS if name.fullmatch(own)), -1)
     if digits < 0:
         return None
-    form = re.compile(rf"\d{{1,{digits}}}" if digits else r"0?[.,]\d+|0")
-    rows, before = [], ("", "")
+    form = re.compile(rf"(\d{{1,{digits}}})(?:[.,](\d*))?" if digits else r"0?[.,](\d+)|0")
+    seconds, times, before = [], [], ("", "")
     repeats = False
     for line in lines:
         cells = split_cells(line, mark)
-        if len(cells) <= column or not form.fullmatch(cells[column]) or not _WHOLE.fullmatch(cells[column - 1]):
+        found = form.fullmatch(cells[column]) if column < len(cells) else None
+        told = _WHOLE.fullmatch(cells[column - 1]) if found else None
+        if not found or not told:
             return None
-        part = cells[column].zfill(digits) if digits else cells[column].replace(",", ".").partition(".")[2] or "0"
-        now = (cells[column - 1], part)
+        now = (told[0], f"{found[1].zfill(digits)}{found[2] or ''}" if digits else found[1] or "0")
         if now[0] == before[0] and now[1] <= before[1]:  # a duration, or the times of a faster clock
             return None
         repeats = repeats or now[0] == before[0]
-        rows.append([*cells[: column - 1], ".".join(now), *cells[column:]])
+        seconds.append(told[0])
+        times.append(f"{told[1]}.{now[1]}{told[2] or ''}")
         before = now
-    return [mark.join(row) for row in rows] if repeats else None
+    return _with_cells(lines, mark, column - 1, seconds, times) if repeats else None
+
+
+def _with_cells(lines: list[str], mark: str, column: int, old: Sequence[str], new: Sequence[str]) -> list[str] | None:
+    """Return lines with new cells in a column, and all else, quotes too, as it was; None if a line is quoted oddly.
+
+    >>> _with_cells(['"a, b", 7 ,', 'c,"8",'], ",", 1, "78", ["7.5", "8.5"])
+    ['"a, b", 7.5 ,', 'c,"8.5",']
+    """
+    cell, between = (
+        (r'(?:"[^"]*"|[^\s"]+)', r"\s+") if mark == BLANKS else (rf'(?:\s*"[^"]*"\s*|[^{mark}"]*)', f"[{mark}]")
+    )
+    before = re.compile(rf"\s*(?:{cell}{between}){{{column}}}")
+    found = [before.match(line) for line in lines]
+    rows = [
+        match[0] + line[match.end() :].replace(was, now, 1)
+        for match, line, was, now in zip(found, lines, old, new, strict=True)
+        if match
+    ]
+    return rows if len(rows) == len(lines) else None
 
 
 def _is_time(name: str, unit: str) -> bool:
@@ -596,6 +650,7 @@ def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:
         found = folder.iterdir() if folder.is_dir() else ()
         beside = [entry.name for entry in found if entry.is_file() and entry.suffix.lower() == ending]
         # Stricter than usual, because all candidates have the same ending.
-        raise DataError(f"{path}: no such file{nearest(Path(path).name, beside, likeness=0.8)}") from None
+        way = next((way for mark, way in _NO_PATHS.items() if mark in str(path)), "")
+        raise DataError(f"{path}: no such file{nearest(Path(path).name, beside, likeness=0.8) or way}") from None
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from None

@@ -53,6 +53,10 @@ _LETTERS = 3  # Least number of accented letters that follow each other in no la
 _RUSSIAN = re.compile(rb"[\xc0-\xdf]?[\xe0-\xff]{2,}|[\xc0-\xdf]{3,}")
 """Word of Windows-1251: a capital letter and small ones, small letters only, or capital ones only."""
 _FAR_APART = re.compile(r"\s{2,}|\t")
+_LABELLED = re.compile(r'"?(?<![^\s,;{"])([^\W\d][^":=,;\t{}]{0,60}?)"?\s?[:=]\s?("[^"]*"|[^\s",;{}]+)')
+"""Name and value in one cell, as Arduino's plotter and JSON write them."""
+_WIDE = 2000  # Number of characters of a line from which it is no such row
+_MANY = 10  # Number of rows that must repeat the names, if the file has as many
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,6 +150,35 @@ def with_name_of_rows(lines: list[str]) -> list[str]:
     if not found or len(split_cells(lines[0], found[1])) + 1 != len(split_cells(lines[1], found[1])):
         return lines
     return [f'""{found[1]}{lines[0]}', *lines[1:]]
+
+
+def without_labels(lines: list[str], rows: Sequence[int], path: str) -> tuple[list[str], Sequence[int]]:
+    """Return lines and rows of samples that each repeat the names, as ``u:1.5,y:2`` or in JSON Lines, with one header.
+
+    >>> without_labels(["ready", '{"u": 1.5, "at": "1,5"}', '{"u": null, "at": ""}'], [1, 2, 3], "r.csv")
+    (['ready', '"u","at"', '1.5,"1,5"', 'null,""'], [1, 2, 2, 3])
+    """
+    first = next((k for k, line in enumerate(lines[:_HEAD]) if len(_labelled(line)) > 1), len(lines))
+    names = [name for name, _ in _labelled(lines[first])] if first < len(lines) else []
+    like = [[name for name, _ in _labelled(line)] == names for line in lines[first : first + _MANY]]
+    if 2 * sum(like) <= max(len(like), 2):
+        return lines, rows
+    made = [",".join(f'"{name}"' for name in names)]
+    for line, row in zip(lines[first:], rows[first:], strict=True):
+        cells = _labelled(line)
+        if [name for name, _ in cells] != names:
+            raise DataError(
+                f"{path}, row {row}: each row repeats the names, but not this one; write {clipped(', '.join(names))} and their "
+                "values, or remove the row"
+            )
+        made.append(",".join(value for _, value in cells))
+    return [*lines[:first], *made], [*rows[:first], rows[first], *rows[first:]]
+
+
+def _labelled(line: str) -> list[tuple[str, str]]:
+    """Return names and values of a line that holds nothing else."""
+    named = len(line) < _WIDE and _LABELLED.match(line.lstrip(" \t{"))  # quick for lines of another kind
+    return [] if not named or _LABELLED.sub("", line).strip(" ,;\t{}") else _LABELLED.findall(line)
 
 
 def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str], Sequence[int]]:

@@ -1,7 +1,7 @@
 """Split the header of a column into name and unit."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from deatwin.plant.files.units import FULL_WIDTH, UNITS, find_unit, without_latex
 
@@ -94,6 +94,13 @@ _FACTOR = re.compile(
 """Factor in the name of a column, of which nobody knows whether it was applied: ``HV x1000``, ``U/100``, ``1:1000``."""
 _BEHIND = re.compile(r"[)\]][^()\[\]]*$")
 _RATIO = re.compile(r"(?<![\d.])\d[\d.]*\s?([^\W\d_]+)\s?(/|=|≙|→|->|\bper\b|\bpro\b)\s?(?:\d[\d.]*\s?)?([^\W\d_]+)")
+_SCALING = re.compile(
+    r"(?i)gain|scal|skal|divid|teiler|multipl|monitor|verst|attenuat|volt|spannung"
+    r"|(?<![^\W_])(?:ampl?|amplifier|factor|faktor|HV)(?![^\W_])"
+)
+"""Words of a remark in which a factor is one of signals, and not of a mixture, a lens or the first of ten runs."""
+_SUPPLY = frozenset(UNITS[unit].si for unit in ("V", "A", "Hz", "F", "W", "ohm"))
+"""Units in the ratings of a supply or a part: ``24 V / 5 A``."""
 TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _LIKE_TIME = re.compile("(?i)time|stamp|clock|zeit|elapsed|temps|tiempo")
 _SYMBOLS_OF = {"s": "m", "h": "m", "l": "m", "m": "kg", "F": "N", "T": "K", "C": "F", "W": "J"}
@@ -168,13 +175,17 @@ def _factor(name: str, header: str) -> str:
         for match in _FACTOR.finditer(text):
             if match[0] in whole:  # unlike x 10 in the name of pos_x (mm) 10
                 return match[0].strip(" _")
-    for match in _RATIO.finditer(name.replace("_", " ")):
+    return next((match[0] for match in _ratios(name)), "")
+
+
+def _ratios(text: str) -> Iterator[re.Match[str]]:
+    """Yield the ratios of units in a text that may be scales: of a voltage or a current, and of no field or rate."""
+    for match in _RATIO.finditer(text.replace("_", " ")):
         above, below = (UNITS[find_unit(part)].si for part in (match[1], match[3]))
         electric = ("V", "A")
         field = match[1] in ("kV", "MV") or f"{match[1]}/{find_unit(match[3])}" == "V/um"
         if above and below and below != "s" and (below in electric or (above in electric and not field)):
-            return match[0]
-    return ""
+            yield match
 
 
 def scale_in(remark: str) -> str:
@@ -182,8 +193,16 @@ def scale_in(remark: str) -> str:
 
     >>> scale_in("# 1 V = 10 kV (Trek)"), scale_in("# gain 2000"), scale_in("# v = 10 mm/s, 12:00:00, C:/a/100.csv")
     ('1 V = 10 kV', 'gain 2000', '')
+    >>> scale_in("# Sylgard 184, 10:1"), scale_in("# 10 kV / 10 mA"), scale_in("# laser: 10 mm / 10 V")
+    ('', '', '10 mm / 10 V')
     """
-    found = _factor("", f"){remark}") or _factor(remark, remark)
+    for ratio in _ratios(remark):
+        below = re.search(r"/\s?(\d[\d.]*)", ratio[0])
+        units = {UNITS[find_unit(ratio[k])].si for k in (1, 3)}
+        rated = below and below[1] != "1" and len(units) > 1 and units <= _SUPPLY
+        if not rated:
+            return ratio[0]
+    found = _factor("", f"){remark}") if _SCALING.search(remark) else ""
     return "" if found.startswith("/") else found
 
 

@@ -44,6 +44,21 @@ _READERS: dict[str, Callable[[str | Path], Table]] = {
     ".nc": read_netcdf,
 }
 ENDINGS = tuple(_READERS)  # Endings of the names of files that can be read
+_FRAMES = {
+    ".json": "pandas.read_json",
+    ".parquet": "pandas.read_parquet",
+    ".feather": "pandas.read_feather",
+    **dict.fromkeys((".pkl", ".pickle"), "pandas.read_pickle"),
+}
+_ADVICE = {
+    **{ending: f'in Python, write it as CSV: {read}("{{0}}").to_csv("{{1}}")' for ending, read in _FRAMES.items()},
+    ".npy": 'in Python, write it as CSV: numpy.savetxt("{1}", numpy.load("{0}"), delimiter=",")',
+    ".npz": 'in Python, write it as CSV: pandas.DataFrame(dict(numpy.load("{0}"))).to_csv("{1}")',
+    **dict.fromkeys((".mf4", ".mdf"), 'in Python, write it as CSV: asammdf.MDF("{0}").to_dataframe().to_csv("{1}")'),
+    **dict.fromkeys((".xls", ".xlsb", ".ods"), "save the sheet as .xlsx or .csv"),
+    **dict.fromkeys((".wfm", ".isf", ".trc", ".bin"), "save the waveforms as CSV on the oscilloscope"),
+}
+"""How to convert other formats, by the ending of a file's name; the file is ``{0}``, the table ``{1}``."""
 _PACKED = (".gz", ".7z", ".bz2", ".xz", ".zst", ".rar", ".tar", ".tgz")
 _WRITERS: dict[str, Callable[[Path, Recording], None]] = {
     ".csv": lambda path, recording: _write_text(path, csv_text(recording)),
@@ -327,18 +342,15 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
         return ways[".csv"]
     if ending in _PACKED and verb == "read":
         raise DataError(f"{path}: it is packed; unpack it, and give the file inside it")
-    if ending == ".xls" and verb == "read":
-        raise DataError(f"{path}: files with the extension .xls cannot be read; save the sheet as .xlsx or .csv")
     if ending not in ways and verb == "read" and Path(path).is_dir():
         raise DataError(f"{path}: this is a folder; give the files in it")
     if ending not in ways:
         kind = f"files {f'with the extension {ending}' if ending else 'without an extension'}"
-        hint = (
-            "; rename a text file to .txt, and write any other table as CSV, in Python with DataFrame.to_csv of pandas"
-            if verb == "read"
-            else ""
-        )
-        raise DataError(f"{path}: {kind} cannot be {verb}; known are {', '.join(ways)}{hint}")
+        hint = f"known are {', '.join(ways)}"
+        if verb == "read":
+            hint += "; rename a text file to .txt, and write any other table as CSV, in Python with DataFrame.to_csv of pandas"
+            hint = _ADVICE.get(ending, hint).format(name.name, name.with_suffix(".csv").name)
+        raise DataError(f"{path}: {kind} cannot be {verb}; {hint}")
     return ways[ending]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
-from deatwin.plant.files.dates import CLOCK, ORDERS, date_orders, day_seconds, is_date, moment
+from deatwin.plant.files.dates import CLOCK, ORDERS, date_orders, day_seconds, is_clock, is_date, moment
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.headers import TIME_NAMES
 from deatwin.plant.files.times import TIME_UNITS, time_scale
@@ -55,8 +55,9 @@ def time_column(
     named, stamped, timed = ([k for k in some if not _is_constant(table, k)] for some in (named, stamped, timed))
     fields = [column for column in likely if _plain(_field(table.names[column])) in (*TIME_NAMES, *_STAMP_NAMES)]
     inner = [column for column in fields if needed and holds_times(table, column)]
+    dated = [column for column in likely if not table.headers[column] and _is_dated(table, column)]
     first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
-    found = usual or named or stamped or timed or inner or first
+    found = usual or named or stamped or timed or inner or dated or first
     groups = {_group(table.names[column]) for column in taken}
     found = [column for column in found if _group(table.names[column]) in groups] or found
     if len(found) > 1 and found == timed:  # some of them may be durations
@@ -90,6 +91,12 @@ def _is_constant(table: Table, column: int) -> bool:
     cells = table.texts(column)
     first, second = next(cells, ""), next(cells, None)
     return first == second and all(cell == first for cell in cells)
+
+
+def _is_dated(table: Table, column: int) -> bool:
+    """Return whether a column begins with a date or a time of day, as the nameless index of a data frame may do."""
+    first = next(table.texts(column), "").strip()
+    return is_date(first) or is_clock(first)
 
 
 def _breaks_off(table: Table, column: int) -> bool:

@@ -237,13 +237,13 @@ def _columns(table: Table, found: Understood, readings: Sequence[Reading] = ()) 
         role = role_of.get(k, "")
         own = unit if k == times else read.own_unit(k)
         si = "s" if k == times else read.unit(k).si
-        how = _how(table, role, found) if role else "passed over"
+        how = _how(table, header, role, found) if role else "passed over"
         numbers = role in ("input", "output", "extra", "reading") or works(table, k)
         made.append(Column(place=k + 1, header=header, role=role, unit=own, si=si, how=how, numbers=numbers))
     return tuple(made)
 
 
-def _how(table: Table, role: str, found: Understood) -> str:
+def _how(table: Table, header: str, role: str, found: Understood) -> str:
     """Say why a column has its role and, if an option gave it, its unit."""
     if role == "reading":
         return "by the rig"
@@ -253,4 +253,4 @@ def _how(table: Table, role: str, found: Understood) -> str:
         return f"{said}, unit by the option" if split_stated(table, value)[1] else said
     if role != "time" and table.declared.signals:
         return "declared by the file"
-    return "by its values" if table.nameless else "by its header"
+    return "by its values" if table.nameless or not header else "by its header"

@@ -179,7 +179,7 @@ def _material_of(file: TomlFile) -> Material:
     found, mistakes = read_material(file.data["material"])
     if found is None:
         places = [Mistake(text=said, at=("material", *at)) for at, said in mistakes]
-        raise RigError(format_errors(file.path, places, lines_of(file.text) if len(places) > 1 else {}))
+        raise RigError(format_errors(file.path, places, lines_of(file.text)))
     return found
 
 
@@ -196,9 +196,9 @@ def _with_material(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
 
 
 def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
-    """Make a rig from sections and keys; several mistakes are listed with their lines."""
+    """Make a rig from sections and keys; mistakes are listed with their lines."""
     if mistakes := mistakes_of(data):
-        raise RigError(format_errors(source, mistakes, lines_of(text) if len(mistakes) > 1 else {}))
+        raise RigError(format_errors(source, mistakes, lines_of(text)))
     kind = KINDS[data.get("kind", "diaphragm")]
     values: dict[str, dict[str, Any]] = {
         section: {key.field: kind.absent[key.field] for key in keys.values() if key.field in kind.absent}

@@ -244,7 +244,10 @@ def _elastic(reader: _Reader, base: Material, energy: Callable[..., Symbol]) -> 
         elif name in published:
             found = published[name]
         else:
-            reader.told(("parameters",), f'the parameter "{name}" is missing; it must be {_VALUE}, in {unit}')
+            reader.told(
+                ("parameters",),
+                f'the parameter "{name}" is missing; it must be {_VALUE if unit == "Pa" else "a number"}{"" if unit == "1" else f", in {unit}"}',
+            )
             found = None
         if found is not None:
             yield found

@@ -52,7 +52,11 @@ class Mistake:
 def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     """Find all mistakes of a rig file."""
     key = _key_of_kind(data)
-    kind, wrong = _kind(data.get(key, "diaphragm"))
+    kind, wrong = _kind(data[key] if key in data else _misplaced_kind(data))
+    if key not in data and kind == "diaphragm" and (others := _kinds_with(data)):
+        entry = " or ".join(f'kind = "{other}"' for other in others)
+        text = f'the key "kind" is missing, and the keys are those of another kind of rig; write {entry} above all sections'
+        return [Mistake(text=text)]
     table = KINDS[kind].sections
     strange = (name for name in data if name not in (*table, "kind", "material", READINGS))
     misnamed = Mistake(text=f'unknown key "{clipped(key)}"; did you mean "kind"?', line_of=(key,))
@@ -114,6 +118,24 @@ def _key_of_kind(data: Mapping[str, Any]) -> str:
     return next((name for name in texts if data[name] in KINDS or nearest(name[:100], ("kind",))), "kind")
 
 
+def _misplaced_kind(data: Mapping[str, Any]) -> str:
+    """Return the kind that stands in a section instead of above all; the usual one if there is none."""
+    inside = (values["kind"] for values in data.values() if isinstance(values, Mapping) and "kind" in values)
+    return next((kind for kind in inside if isinstance(kind, str) and kind in KINDS), "diaphragm")
+
+
+def _kinds_with(data: Mapping[str, Any]) -> list[str]:
+    """Return the kinds of rig that have all keys of a rig file, and lack the fewest, if the diaphragm has not."""
+    sections = {name: values for name, values in data.items() if isinstance(values, Mapping)}
+    written = {(name, key) for name, keys in sections.items() if name not in ("material", READINGS) for key in keys}
+    lacking: dict[str, int] = {}
+    for kind, rig in KINDS.items():
+        known = {(name, key): about.required for name, keys in rig.sections.items() for key, about in keys.items()}
+        if written <= known.keys():
+            lacking[kind] = sum(known.values()) - sum(known[place] for place in written)
+    return [] if "diaphragm" in lacking else [kind for kind in lacking if lacking[kind] == min(lacking.values())]
+
+
 def _kind(name: object) -> tuple[str, list[Mistake]]:
     """Return the kind of the rig, or the one probably meant, and the mistake in its name."""
     if isinstance(name, str) and name in KINDS:
@@ -153,7 +175,8 @@ def format_errors(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place
     """Write mistakes as the text of one error."""
     if len(mistakes) == 1:
         (only,) = mistakes
-        return f"{source}, {only.where}: {only.text}" if only.at else f"{source}: {only.text}"
+        place = _prefix(_line(only, lines), only.where)
+        return f"{source}, {place}{only.text}" if place else f"{source}: {only.text}"
     placed = [(_line(mistake, lines), mistake) for mistake in mistakes]
     placed.sort(key=lambda pair: (pair[0] is None, pair[0]))
     parts = [

@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import pandas
 import pytest
 
 from deatwin.ident.frequency import gfrf
@@ -130,10 +131,9 @@ DATA = [
     (Frols(), of(np.zeros((0, 50)), LINE), "take input_lags=0"),
     (Frols(), [], "at least one"),
     (Frols(), [RECORD, of(ONES, ONES)], "sample time"),
-    *(
-        (Frols(), wrong, "recordings and experiments are needed.*Recording.from_arrays")
-        for wrong in ("recording.csv", None, 3.0)
-    ),
+    *((Frols(), wrong, "recordings and experiments are needed.*Recording.from_arrays") for wrong in (None, 3.0, LINE)),
+    (Frols(), "recording.csv", "not a str: read a Recording from a file with read_recording"),
+    (Frols(), pandas.DataFrame({"u": LINE, "y": LINE}), "not a DataFrame: make a Recording of arrays"),
     (Lasso(), of(ONES, ONES), "constant"),
     (Semp(output_lags=2, input_lags=2, max_terms=10), SHORT.section(0, 12), "too few"),
     (Grow(), SHORT, "too few"),

@@ -1,6 +1,8 @@
 """Tables as instruments export them: the values that are read are those that were written."""
 
-from collections.abc import Iterable
+import json
+from collections.abc import Callable, Iterable
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -669,12 +671,137 @@ def test_a_duration_behind_whole_seconds_is_no_part_of_the_time(tmp_path: Path) 
     assert read_recording(tmp_path / "r.csv").sample_time == 1.0
 
 
+@pytest.mark.parametrize(
+    ("names", "columns", "mark"),
+    [
+        ('"Zeit";"ms"', [["10:11:12"] * 30 + ["10:11:13"] * 30, [*range(400, 1000, 20), *range(0, 600, 20)]], ";"),
+        (
+            "Time ms",
+            [
+                ['"2024-05-01 10:11:12"'] * 30 + ['"2024-05-01 10:11:13"'] * 30,
+                [*range(400, 1000, 20), *range(0, 600, 20)],
+            ],
+            " ",
+        ),
+        (
+            "Time,ms",
+            [
+                ["1/31/2024 2:00:12 PM"] * 30 + ["1/31/2024 2:00:13 PM"] * 30,
+                [*range(400, 1000, 20), *range(0, 600, 20)],
+            ],
+            ",",
+        ),
+        (
+            "sec,ms",
+            [["7.0"] * 30 + ["8.0"] * 30, [f"{ms}.0" for ms in (*range(400, 1000, 20), *range(0, 600, 20))]],
+            ",",
+        ),
+    ],
+)
+def test_joined_times_leave_all_other_cells_as_they_are(
+    tmp_path: Path, names: str, columns: list[list[object]], mark: str
+) -> None:
+    cells = [[f'"{value}"'.replace(".", "," if mark == ";" else ".") for value in signal] for signal in (U, Y)]
+    notes = [""] * 59 + ['"a, b"'] if mark == "," else ['"a b"'] * 60
+    text = f"{names}{mark}u_V{mark}y_mm{mark}note\n" + table(*columns, *cells, notes, mark=mark)
+    (tmp_path / "r.csv").write_text(text, encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert found.sample_time == pytest.approx(DT)
+    np.testing.assert_allclose(found.inputs[0], U, rtol=1e-12)
+
+
+@pytest.mark.parametrize("names", ["Hour,Minute,Second", "Date,h,min,s", "Hour,Minute,Second,ms", "t_h,t_min,t_s"])
+def test_hours_minutes_and_seconds_are_one_time(tmp_path: Path, names: str) -> None:
+    clock = [86399.5 + t for t in T]  # passes midnight
+    days = [["2024-05-01" if t < 86400.0 else "2024-05-02" for t in clock]] if "Date" in names else []
+    hours, minutes = [int(t // 3600) % 24 for t in clock], [int(t // 60) % 60 for t in clock]
+    seconds = [f"{int(t % 60)}" if "ms" in names else f"{t % 60:.2f}" for t in clock]
+    parts = [[f"{1e3 * (t % 1):.0f}" for t in clock]] if "ms" in names else []
+    text = f"{names},u_V,y_mm\n" + table(*days, hours, minutes, seconds, *parts, U, Y)
+    (tmp_path / "r.csv").write_text(text, encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert (found.n_samples, found.sample_time) == (60, pytest.approx(DT))
+
+
+def test_hours_beside_finer_times_are_not_the_times(tmp_path: Path) -> None:
+    text = "Elapsed (s),Hour,Min,Sec,u_V,y_mm\n" + table(T, [9] * 60, [5] * 60, T.astype(int), U, Y)
+    (tmp_path / "r.csv").write_text(text, encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert found.sample_time == pytest.approx(DT)
+
+
+def test_a_duration_that_rises_within_each_second_is_no_part_of_the_time(tmp_path: Path) -> None:
+    text = "time_s,loop_ms,u_V,y_mm\n" + table(np.arange(60) // 2, [11, 14] * 30, U, Y)
+    (tmp_path / "r.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match="times do not increase: 0 s follows 0 s"):
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+
+
+def test_finer_times_in_another_column_are_offered(tmp_path: Path) -> None:
+    text = "time_s,time_ms,u_V,y_mm\n" + table(T.astype(int), 20 * np.arange(60), U, Y)
+    (tmp_path / "r.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match='those in the column "time_ms" increase; name it: --time-column "time_ms"'):
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%d %H:%M:%S.%f+02:00", "0 days %H:%M:%S.%f"])
+def test_a_nameless_index_of_dates_holds_the_times(tmp_path: Path, form: str) -> None:
+    stamps = [(datetime(2024, 5, 1) + timedelta(seconds=t)).strftime(form) for t in T]
+    (tmp_path / "r.csv").write_text(",u_V,y_mm\n" + plain(stamps), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert found.sample_time == pytest.approx(DT)
+    assert understand(tmp_path / "r.csv").columns[0].how == "by its values"
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda t, u, y: f"t_ms:{1e3 * t:.0f},u_V:{u},y_mm:{y}",
+        lambda t, u, y: f"time={t:.2f} u_V={u} y_mm={y}",
+        lambda t, u, y: json.dumps({"time": f"10:11:{12 + t:05.2f}", "u_V": u, "y_mm": y, "note": None}),
+    ],
+)
+def test_rows_may_repeat_the_names(tmp_path: Path, write: Callable[[float, float, float], str]) -> None:
+    rows = [write(*map(float, row)) for row in zip(T, U, Y, strict=True)]
+    for name, head in (("r.jsonl", []), ("r.txt", ["Sensor ready", "Probe:10X,Coupling:DC"])):
+        (tmp_path / name).write_text("\n".join([*head[:1], *rows]) + "\n", encoding="utf-8")
+        found = read_recording(tmp_path / name, input_column="u_V", output_column="y_mm")
+        assert found.sample_time == pytest.approx(DT)
+        np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-12)
+    (tmp_path / "r.txt").write_text("\n".join([*rows[:40], "t_ms:800,u_V:1"]) + "\n", encoding="utf-8")
+    with pytest.raises(DataError, match="row 41: each row repeats the names, but not this one"):
+        read_recording(tmp_path / "r.txt", input_column="u_V", output_column="y_mm")
+
+
+def test_a_sample_time_is_a_number_of_seconds(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "r.csv").write_text("command_V,displacement_mm\n" + table(U, Y), encoding="utf-8")
+    with pytest.raises(DataError, match=r"r\.csv: dt must be one number, in s; got a str"):
+        read_recording(tmp_path / "r.csv", dt="50 Hz")
+    assert read_recording(tmp_path / "r.csv", dt=50).sample_time == 50.0
+    assert "dt is 50 s; if 50 is the sample rate in Hz, give 0.02" in caplog.text
+
+
+def test_a_file_with_one_signal_says_so(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text(table(U), encoding="utf-8")
+    with pytest.raises(DataError, match="the file holds only one signal; input and output must be columns of one file"):
+        read_recording(tmp_path / "r.csv", dt=DT)
+    (tmp_path / "r.csv").write_text("Time,Ampl\n" + table(T, U), encoding="utf-8")
+    with pytest.raises(DataError, match="which no other column of the file can be: input and output must be columns"):
+        read_recording(tmp_path / "r.csv", input_column="Ampl", output_column="Ampl")
+
+
 def test_a_scale_in_a_remark_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     rows = "time_s,command_V,displacement_mm\n" + plain()
     for remark, scale in (
         ("# 1 V = 10 kV", "1 V = 10 kV"),
         ("Gain:,2000,", "Gain:,2000"),
+        ("# HV divider 1:1000", "1:1000"),
+        ("# laser: 10 mm / 10 V", "10 mm / 10 V"),
+        ("# Trek 10 kV / 10 mA, 1 V = 1 kV", "1 V = 1 kV"),
         ("# film 100 um, 20 V/um", ""),
+        ("# Sylgard 184, 10:1", ""),
+        ("# run 1/10, objective 10x", ""),
+        ("# supply 24 V / 5 A, mains 230 V / 50 Hz, 10 nF / 2 kV", ""),
     ):
         caplog.clear()
         (tmp_path / "r.csv").write_text(f"{remark}\n{rows}", encoding="utf-8")

@@ -121,9 +121,13 @@ def test_the_model_error_of_a_rig_may_be_stated(
         ("[sensor]", "[drive]", r"line 14: the section \[drive\] is already in line 10: keep one of the two"),
         ("[film]", "film:", r"line 1: a section must be in brackets: write \[film\]"),
         ("[film]", '{"film": 1}', r"it is JSON; write sections in brackets"),
-        ("[load]", "[film.load]", r'toml: "load" is a section of its own, not a part of \[film\]: write \[load\]$'),
+        (
+            "[load]",
+            "[film.load]",
+            r'toml, line 7: "load" is a section of its own, not a part of \[film\]: write \[load\]$',
+        ),
         ("[load]\n", "load.", r'2 mistakes: .*"load" is a section of its own, not a part of \[film\]: write \[load\]'),
-        ("[load]", "[rig.load]", r"rig.toml: write \[load\], not \[rig.load\]$"),
+        ("[load]", "[rig.load]", r"rig.toml, line 7: write \[load\], not \[rig.load\]$"),
         ("gain = 800.0", 'gain = 800.0\nkind = "disc"', r'\[drive\]: the key "kind" belongs above the first section'),
     ],
 )

@@ -114,6 +114,31 @@ def test_a_kind_under_another_name_is_the_kind(name: str) -> None:
     assert str(caught.value) == f'a rig: unknown key "{name}"; did you mean "kind"?'
 
 
+@pytest.mark.parametrize("kind", ["stack", "roll", "bow_tie", "cone", "coupon", "pressure"])
+def test_a_missing_or_misplaced_kind_is_one_mistake(tmp_path: Path, kind: str) -> None:
+    """Without the key, the file would be checked as that of a diaphragm, with a mistake for each key."""
+    text = re.sub(r"^#(?=\w+ =)", "", rig_template({}, kind=kind), flags=re.MULTILINE)
+    (tmp_path / "rig.toml").write_text(text.replace(f'kind = "{kind}"\n', ""), encoding="utf-8")
+    with pytest.raises(
+        RigError, match=rf'rig\.toml: the key "kind" is missing, .*kind = "{kind}".* above all sections$'
+    ):
+        read_rig(tmp_path / "rig.toml")
+    moved = text.replace(f'kind = "{kind}"\n', "").replace("[sensor]", f'[sensor]\nkind = "{kind}"')
+    (tmp_path / "rig.toml").write_text(moved, encoding="utf-8")
+    with pytest.raises(RigError, match=r'line \d+, \[sensor\]: the key "kind" belongs above the first section$'):
+        read_rig(tmp_path / "rig.toml")
+
+
+def test_a_single_mistake_has_its_line(tmp_path: Path) -> None:
+    for old, new, told in (
+        ('"VHB 4905"', '"VHB 4906"', r"rig\.toml, \[film\] material: unknown material 'VHB 4906'; did you mean"),
+        ("thickness_mm = 0.5", "thickness_mm = 5e-4", r"line 3, \[film\] thickness_mm: 0\.0005 is out of range"),
+    ):
+        (tmp_path / "rig.toml").write_text(RIG.replace(old, new), encoding="utf-8")
+        with pytest.raises(RigError, match=told):
+            load_plant(tmp_path / "rig.toml")
+
+
 @pytest.mark.parametrize("name", ["reading", "readngs"])
 def test_a_misspelt_section_of_readings_is_told(name: str) -> None:
     with pytest.raises(RigError) as caught:

@@ -16,7 +16,7 @@ from deatwin.plant.arrays import Array
 from deatwin.plant.datasets import Described, attribute, coordinate, variable
 from deatwin.plant.drawing import Axes, panels_or_new
 from deatwin.plant.errors import DataError
-from deatwin.plant.recording import Recording
+from deatwin.plant.recording import Recording, way_to_record
 
 _BATCHES = 10  # batches per window: their scatter shows how many independent samples serial correlation leaves
 _LEAST = 4  # least samples per batch
@@ -162,9 +162,7 @@ def sliding_mean_and_gain(
     from scipy.stats import t
 
     if not isinstance(recording, Recording):
-        raise DataError(
-            f"a {type(recording).__name__} is not a recording: make one of arrays with Recording.from_arrays"
-        )
+        raise DataError(f"a {type(recording).__name__} is not a recording: {way_to_record(recording)}")
     if recording.inputs.shape[0] != 1 or recording.outputs.shape[0] != 1:
         raise DataError(
             f"the recording has {recording.inputs.shape[0]} inputs and {recording.outputs.shape[0]} outputs; mean and "

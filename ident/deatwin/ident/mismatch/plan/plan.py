@@ -345,7 +345,8 @@ def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
     if rig.command_range is None:
         raise DataError(
             "the rig states no range of its command, so plan cannot suggest an input: give an input file, or the "
-            "range (command_min_V and command_max_V under [drive] of a rig file, command_range of a Rig)"
+            "range (command_min_V and command_max_V, of a coupon stretch_min and stretch_max, under [drive] of a rig file, "
+            "command_range of a Rig)"
         )
     least, most = FEWEST * rig.sample_time, MOST * rig.sample_time
     if not least <= seconds <= most:

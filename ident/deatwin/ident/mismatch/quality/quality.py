@@ -25,7 +25,7 @@ from deatwin.plant.drawing import Axes, axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant, require_plant
 from deatwin.plant.prefixes import time_span
-from deatwin.plant.recording import Experiment, Recording, label
+from deatwin.plant.recording import Experiment, Recording, label, way_to_record
 from deatwin.plant.words import spaced
 
 Masks = tuple[tuple[np.ndarray, ...], ...]
@@ -330,7 +330,7 @@ def _listed(
         if not isinstance(one, Experiment | Recording):
             raise DataError(
                 f"experiment {place + 1} is a {type(one).__name__}, neither an Experiment nor a Recording: "
-                "make a Recording of arrays with Recording.from_arrays"
+                f"{way_to_record(one)}"
             )
     return given
 
