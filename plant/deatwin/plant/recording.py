@@ -24,7 +24,7 @@ UNSTATED = {"input": ("command", "V"), "output": ("displacement", "m")}
 # Two clocks that drift apart by less than this share of a sample over a record count as one.
 _CLOCK_TOLERANCE = 0.1
 _LONG = 1.5  # Step of an index from which rows are missing, in usual steps
-_RATE = 10.0  # Least whole number of seconds that may rather be a sample rate in Hz
+_RATE, _MINUTE = 10, 60  # Least number of seconds that may rather be a sample rate in Hz, unless it fits into minutes
 
 logger = logging.getLogger(__name__)
 
@@ -357,7 +357,7 @@ def as_experiment(given: Experiment | Recording) -> Experiment:
 def stated_seconds(sample_time: object, what: str) -> float:
     """Return a sample time that a user states; warn if it may rather be a sample rate."""
     step = seconds(sample_time, what)
-    if step >= _RATE and step.is_integer():
+    if step >= _RATE and step.is_integer() and _MINUTE % step and step % _MINUTE:
         logger.warning("%s is %g s; if %g is the sample rate in Hz, give %g", what, step, step, 1.0 / step)
     return step
 

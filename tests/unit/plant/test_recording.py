@@ -105,7 +105,9 @@ class TestRecording:
                 Recording.from_arrays(part["u"], part["y"], 0.02)
         assert Recording.from_arrays(part["u"].to_numpy(), part["y"].to_numpy(), 0.02).n_samples == 4
 
-    @pytest.mark.parametrize(("sample_time", "told"), [(50, True), (0.02, False), (1.0, False), (12.5, False)])
+    @pytest.mark.parametrize(
+        ("sample_time", "told"), [(50, True), (0.02, False), (1.0, False), (12.5, False), (60, False)]
+    )
     def test_a_rate_in_place_of_the_sample_time_is_told(
         self, sample_time: float, told: bool, caplog: pytest.LogCaptureFixture
     ) -> None:
