@@ -21,13 +21,19 @@ BLOCK = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
 INLINE = re.compile(r'([([]?)<span class="arithmatex">\\\((.*?)\\\)</span>([,.;:)\]]*)', re.DOTALL)
 DIRECTIVE = re.compile(r"^( *)\.\. math::[ \t]*(.*(?:\n(?:\1[ \t]+\S.*|[ \t]*(?=\n\1[ \t]+\S)))*)", re.MULTILINE)
 SHAPE = re.compile(r"^( *(?:\w[\w, ]* : )?\w+), shape (?=\()", re.MULTILINE)
+SPACE = re.compile(r"\\qquad(?![a-zA-Z])")
 ROLE = re.compile(r":math:`([^`]+)`")
 
 
 def on_page_content(content: str, **_: Any) -> str:
     """Put MathML where pymdownx.arithmatex has left LaTeX."""
-    content = BLOCK.sub(lambda found: f'<div class="equation">{_mathml(found[1], "block")}</div>', content)
+    content = BLOCK.sub(lambda found: f'<div class="equation">{_equations(found[1])}</div>', content)
     return INLINE.sub(_inline, content)
+
+
+def _equations(latex: str) -> str:
+    r"""Write equations with \qquad between them as separate elements, which a narrow page puts on separate lines."""
+    return "".join(_mathml(part, "block") for part in SPACE.split(latex))
 
 
 def _inline(found: re.Match[str]) -> str:

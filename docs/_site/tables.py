@@ -46,7 +46,10 @@ def _labelled(table: str) -> str:
 
 
 class OwnRows(griffe.Extension):
-    """Splits docstrings' entries of several names, to which griffe would give the type and default of the first name."""
+    """Splits docstrings' entries of several names, to which griffe would give the type and default of the first name.
+
+    The first row lists the names before their common description, to which the other rows refer.
+    """
 
     def on_instance(self, *, obj: griffe.Object, **_: Any) -> None:
         """Split the entries of one module, class, function or attribute."""
@@ -99,4 +102,7 @@ def _number(default: Any, obj: griffe.Object) -> Any:
 
 def _split(entry: re.Match[str]) -> str:
     names, kind, text = entry.groups(default="")
-    return "".join(f"{name}{kind}\n{text.rstrip()}\n" for name in names.split(", "))
+    first, *others = names.split(", ")
+    listed = ", ".join(f"`{name}`" for name in (first, *others))  # the order in which the description speaks of them
+    body = re.sub(r"\S", lambda found: f"{listed}: {found[0]}", text.rstrip(), count=1)
+    return f"{first}{kind}\n{body}\n" + "".join(f"{name}{kind}\n    See `{first}`.\n" for name in others)

@@ -194,7 +194,7 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
     )
     rows = _rows(found)
-    design = ", for example to design a controller (deatwin check)" if len(found.model.input_names) == 1 else ""
+    design = ", for example to design a controller (`deatwin check`)" if len(found.model.input_names) == 1 else ""
     return StoryPage(
         title="frequency",
         sentence=f"Frequency responses of {orders} were computed at an operating input of {found.about}; {found.first.status.value}.",

@@ -31,7 +31,7 @@ from deatwin.studies.voice import complain
 
 NEXT = {
     True: "use the model for inputs within the recorded range and frequencies.",
-    False: "try other lags, another --degree or another --method; the table below shows which goal the model misses.",
+    False: "try other lags, another `--degree` or another `--method`; the table below shows which goal the model misses.",
 }
 """Advice, by whether all measures are reached."""
 MOST = 6  # Most recordings that have a figure of their own
@@ -249,7 +249,7 @@ def _terms(model: NarxModel) -> Drawing:
 
 def _tests(validation: Validation) -> Drawing:
     drawn = [t for t in validation.tests if t.output == 0 and t.name != "ee'" and t.other in (None, 0)]
-    with draw((7.4, 1.7 * len(drawn))) as figure:
+    with draw((6.4, 1.5 * len(drawn))) as figure:
         validation.plot(list(figure.subplots(len(drawn), 1, squeeze=False)[:, 0]))
         caption = (
             "Correlations of the one-step residual e with itself and with the input u. Ochre marks values outside the grey range; "

@@ -53,7 +53,7 @@ _ADVICE: Mapping[Verdict, str] = {
     Verdict.PARTLY: "use the amended model, model.json, with care, because it still lacks something",
     Verdict.UNKNOWN: "check the readings for a fault at the times of the mismatch; if there is none, add the effect that you suspect",
     Verdict.DISTURBANCE: "find the source of the disturbance in the set-up; changing the model will not help",
-    Verdict.DATA_FAULT: "repeat the recording, or delete its faulty rows and use --allow-gaps",
+    Verdict.DATA_FAULT: "repeat the recording, or delete its faulty rows and use `--allow-gaps`",
     Verdict.NOT_TESTABLE: "record a larger input, or one with more frequencies; `deatwin plan` says what an input would show",
 }
 

@@ -29,7 +29,7 @@ class Delay(Effect):
     With the sample time h, the delay is :math:`\tau_d/h = k + \sigma` samples: k whole samples and the fraction
     :math:`\sigma`. The command of k samples ago is :math:`u_{-k}`.
 
-    .. math:: u \to u_{-k-1} \ \text{during the first fraction} \ \sigma \ \text{of a sample}, \quad
+    .. math:: u \to u_{-k-1} \ \text{during the first fraction} \ \sigma \ \text{of a sample}, \qquad
               u_{-k} \ \text{during the rest}
 
     The effect has no state, because the earlier commands are inputs. A sample is divided at the time at which the

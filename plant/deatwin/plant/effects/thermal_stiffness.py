@@ -20,7 +20,7 @@ from deatwin.plant.readings import ROOM_TEMPERATURE
 class ThermalStiffness(Effect):
     r"""The stiffness of the film changes with the room temperature.
 
-    .. math:: W \to W\,(1 + k_T\,\Delta T), \qquad \Delta T = T - T_0 \quad\text{or}\quad
+    .. math:: W \to W\,(1 + k_T\,\Delta T), \qquad \Delta T = T - T_0 \quad\text{or} \qquad
               \Delta T = (1\,\text{K})\,\Bigl[\cos\Bigl(\frac{2\pi t}{P} + \varphi\Bigr) - \cos\varphi\Bigr]
 
     W is the strain energy density of the film without its Maxwell branches. The effect has no state. If the recording

@@ -34,16 +34,16 @@ class Disc(FilmActuator):
     radius :math:`\rho`, the electrode has the radius A and the film has the radius :math:`B_0`. :math:`\Lambda` is the
     prestretch. Under the electrode (first equation) and outside it (second equation), the point has the radius
 
-    .. math:: r &= \Lambda\rho + \frac{\rho}{A}\,w - c\,\rho\,\Bigl(1 - \frac{\rho^2}{A^2}\Bigr)
-              \quad\text{and}\quad
+    .. math:: r = \Lambda\rho + \frac{\rho}{A}\,w - c\,\rho\,\Bigl(1 - \frac{\rho^2}{A^2}\Bigr)
+              \quad\text{and} \qquad
               r = \Lambda\rho + \frac A\rho\,\frac{B_0^2 - \rho^2}{B_0^2 - A^2}\,w
-              + B_0\,s(1 - s)\,[b_1 + b_2(1 - 2s)], \\
-              s &= \frac{\rho - A}{B_0 - A}.
+              + B_0\,s(1 - s)\,[b_1 + b_2(1 - 2s)], \qquad
+              s = \frac{\rho - A}{B_0 - A}.
 
     For a small voltage, c, :math:`b_1` and :math:`b_2` are 0, and the exact displacement is
 
-    .. math:: \frac wa = \frac{p}{A_{11}\,\dfrac{2q}{q-1} - 2p}, \qquad p = \varepsilon E^2, \quad
-              q = (B/a)^2, \quad A_{11} = \frac{\partial\sigma_1}{\partial\ln\lambda_1} - \sigma .
+    .. math:: \frac wa = \frac{p}{A_{11}\,\dfrac{2q}{q-1} - 2p}, \qquad p = \varepsilon E^2, \qquad
+              q = (B/a)^2, \qquad A_{11} = \frac{\partial\sigma_1}{\partial\ln\lambda_1} - \sigma .
 
     Here a and B are the radii of the electrode and of the ring on the mounted film, :math:`\varepsilon` is the
     permittivity, E the field and :math:`\sigma` the film's stress without voltage; :math:`\sigma_1` and

@@ -49,7 +49,7 @@ TIED = tuple(
 class NoiseSource(Enum):
     """Source of the noise level."""
 
-    SHEET = "the data sheet"
+    SHEET = "the value stated for the sensor"
     REPEATS = "differences between repeats of the same command"
     RESTS = "the readings while the command rests"
     TOP_OF_SPECTRUM = "the highest frequencies of the residual"
