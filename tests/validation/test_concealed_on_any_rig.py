@@ -15,13 +15,14 @@ import casadi as ca
 import numpy as np
 import pytest
 from machines import MACHINES, Hidden, drawn_log, machine_record
+from made_rigs import Pushed
 from scipy.integrate import solve_ivp
 from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import brentq
 from scipy.signal import butter, sosfiltfilt
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
-from deatwin.plant import Cone, Coupon, Disc, Experiment, Plant, Pressure, Recording
+from deatwin.plant import Cone, Coupon, Disc, Experiment, Plant, Pressure, Recording, effect_named
 from deatwin.plant.laws import VACUUM_PERMITTIVITY
 
 PIECES, HEIGHTS, SQUARES = 60, 28, 9
@@ -298,3 +299,37 @@ def test_a_strip_that_creeps_in_proportion_to_the_logarithm_of_time_lacks_creep_
     found = diagnose(Plant(rig=Coupon(sample_time=step, noise=noise)), Experiment(recordings=(record,)), jobs=1)
     assert (found.verdict, [cause.effect for cause in found.causes]) == (Verdict.NAMED, ["creep"])
     assert found.causes[0].parameters["decades"].low > 1.0
+
+
+def test_a_mass_held_by_elements_that_yield_one_after_another_has_hysteresis_of_the_right_force():
+    """Twelve elements of Prandtl and Ishlinskii; with a single distance, the force would be told as 0.7 mN."""
+    rng, step, within, (mass, damping, stiffness, push), force = (
+        np.random.default_rng(1),
+        0.02,
+        200,
+        (3e-3, 0.3, 30.0, 6e-3),
+        0.8e-3,
+    )
+    slow = sosfiltfilt(butter(2, 1.0, fs=1 / step, output="sos"), rng.normal(size=2000))
+    commands = np.concatenate([slow / slow.std(), np.repeat(rng.uniform(-2, 2, 20), 50)])
+    distances = np.geomspace(5e-6, 300e-6, 12)
+    position, speed, stretched, readings = 0.0, 0.0, np.zeros(12), []
+    for command in commands:
+        for _ in range(within):
+            pull = push * command - damping * speed - stiffness * position - force * stretched.mean()
+            speed += step / within * pull / mass
+            position += step / within * speed
+            stretched = np.clip(stretched + step / within * speed / distances, -1, 1)
+        readings.append(position)
+    noise = 0.5e-6
+    record = Recording.from_arrays(commands, readings + noise * rng.normal(size=commands.size), step)
+    rig = Pushed(mass=mass, damping=0.25, stiffness=27.0, push=push, noise=noise, sample_time=step)
+    known = [effect_named(name) for name in ("coulomb_friction", "hysteresis")]
+    found = diagnose(Plant(rig=rig), Experiment(recordings=(record,)), effects=known, jobs=1)
+    assert found.verdict in (Verdict.NAMED, Verdict.PARTLY)
+    assert [cause.effect for cause in found.causes] == ["hysteresis"]
+    told = found.causes[0].parameters
+    assert told["force"].value == pytest.approx(force, rel=0.1)  # laws of one mechanism differ by 5 %
+    # Twelve elements fill a box of 12/11 of the decades between the outer ones, three a box of 3/2 of theirs.
+    assert told["decades"].value == pytest.approx(np.log10(60) * 12 / 11 * 2 / 3, rel=0.2)
+    assert told["distance"].value == pytest.approx(np.sqrt(5e-6 * 300e-6), rel=0.25)
