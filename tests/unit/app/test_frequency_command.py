@@ -288,7 +288,10 @@ def test_the_next_step_names_check_only_for_a_model_that_check_takes(two_inputs,
     single = respond(model_of(SQUARE), 1)
     write_responses(single, ResultFolder(two_inputs / "single"))
     page = (two_inputs / "single/report.html").read_text(encoding="utf-8")
-    assert "use the responses at this operating point, for example to design a controller (<code>deatwin check</code>)." in page
+    assert (
+        "use the responses at this operating point, for example to design a controller (<code>deatwin check</code>)."
+        in page
+    )
 
 
 @pytest.mark.parametrize(
