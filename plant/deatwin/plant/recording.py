@@ -24,7 +24,9 @@ UNSTATED = {"input": ("command", "V"), "output": ("displacement", "m")}
 # Two clocks that drift apart by less than this share of a sample over a record count as one.
 _CLOCK_TOLERANCE = 0.1
 _LONG = 1.5  # Step of an index from which rows are missing, in usual steps
-_RATE, _MINUTE = 10, 60  # Least number of seconds that may rather be a sample rate in Hz, unless it fits into minutes
+_ROUNDED = 0.1  # Least share of unequal steps if the times of an index are rounded
+_RATE = 10.0  # Least whole number of seconds that may rather be a sample rate in Hz
+_CLOCK = ((1, 60), (60, 3600), (3600, 86400))  # Units of time, s, each with the next larger one
 
 logger = logging.getLogger(__name__)
 
@@ -357,8 +359,9 @@ def as_experiment(given: Experiment | Recording) -> Experiment:
 def stated_seconds(sample_time: object, what: str) -> float:
     """Return a sample time that a user states; warn if it may rather be a sample rate."""
     step = seconds(sample_time, what)
-    if step >= _RATE and step.is_integer() and _MINUTE % step and step % _MINUTE:
-        logger.warning("%s is %g s; if %g is the sample rate in Hz, give %g", what, step, step, 1.0 / step)
+    fits = any(step % unit == 0 and larger % step == 0 for unit, larger in _CLOCK)  # as 15 s, 5 min or 2 h do
+    if step >= _RATE and step.is_integer() and not fits:
+        logger.warning("%s is %g s; if %g is the sample rate in Hz, give %.9g", what, step, step, 1.0 / step)
     return step
 
 
@@ -420,26 +423,37 @@ def _require_even_index(inputs: Any, outputs: Any, sample_time: float) -> None:
             ".to_numpy() of each where the order alone counts"
         )
     for index in indexes[:1]:
-        zoned = getattr(index, "tz", None) is not None
-        values, unit = (index.tz_convert(None) if zoned else index).to_numpy(), UNITS[split_unit(str(index.name))[1]]
-        timed = values.dtype.kind in "mM" or unit.si == "s"
-        if values.dtype.kind in "mM":
-            values = (values - values[0]) / np.timedelta64(1, "s")
-        elif values.dtype.kind not in "iuf":
+        steps, timed = _index_steps(index)
+        if steps.size == 0:
             continue
-        steps = np.diff(values.astype(np.float64)) * (unit.numerator / unit.denominator if unit.si == "s" else 1.0)
-        usual = float(np.median(steps)) if steps.size else sample_time
-        odd = np.flatnonzero((steps <= 0.0) | (steps > _LONG * usual))
+        usual, mean = float(np.nanmedian(steps)), float(np.mean(steps))
+        # Many unequal steps are those of times with few digits.
+        unequal = float(np.mean(np.abs(steps - usual) > 1e-6 * usual)) if timed else 0.0
+        long = (_LONG if unequal < _ROUNDED else _LONG + 1.0) * usual
+        odd = np.flatnonzero(~((steps > 0.0) & (steps < long)))  # also where a time is missing
         if odd.size:
             raise DataError(
                 f"the index goes from {index[odd[0]]} to {index[odd[0] + 1]} at sample {odd[0] + 1}, so the rows are not evenly "
                 "spaced; sort them, and fill gaps, or pass .to_numpy() of each column where the order alone counts"
             )
-        if timed and abs(usual / sample_time - 1.0) > _CLOCK_TOLERANCE:
+        if timed and abs(mean / sample_time - 1.0) > _CLOCK_TOLERANCE:
             raise DataError(
-                f"the index advances by {usual:g} s, but sample_time is {sample_time:g} s; give the sample time in s, or pass "
+                f"the index advances by {mean:g} s, but sample_time is {sample_time:g} s; give the sample time in s, or pass "
                 ".to_numpy() of each column if the index is not the time"
             )
+
+
+def _index_steps(index: Any) -> tuple[NDArray[np.float64], bool]:
+    """Return the steps of an index, (n - 1,), and whether they are in s; no steps if the index is neither times nor numbers."""
+    index = index.to_timestamp() if hasattr(index, "to_timestamp") else index  # periods
+    index = index.tz_convert(None) if getattr(index, "tz", None) is not None else index
+    values, unit = index.to_numpy(), UNITS[split_unit(str(index.name))[1]]
+    if values.dtype.kind in "mM":
+        return np.diff(values) / np.timedelta64(1, "s"), True
+    if values.dtype.kind not in "iuf":
+        return np.zeros(0), False
+    timed = unit.si == "s"
+    return np.diff(values.astype(np.float64)) * (unit.numerator / unit.denominator if timed else 1.0), timed
 
 
 def _index(values: Any) -> Any:

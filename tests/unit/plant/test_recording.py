@@ -105,8 +105,26 @@ class TestRecording:
                 Recording.from_arrays(part["u"], part["y"], 0.02)
         assert Recording.from_arrays(part["u"].to_numpy(), part["y"].to_numpy(), 0.02).n_samples == 4
 
+    @pytest.mark.parametrize("rate", [300.0, 400.0, 700.0, 900.0])
+    def test_an_index_of_whole_milliseconds_may_belong_to_another_rate(self, rate: float) -> None:
+        times = pandas.Timestamp("2024-05-01") + pandas.to_timedelta(np.arange(2000) / rate, unit="s")
+        column = pandas.Series(np.arange(2000.0), index=times.round("ms"))
+        assert Recording.from_arrays(column, column, 1 / rate).n_samples == 2000
+        gappy = column.drop(column.index[700:703])
+        with pytest.raises(DataError, match="so the rows are not evenly spaced"):
+            Recording.from_arrays(gappy, gappy, 1 / rate)
+        column.index = column.index.where(np.arange(2000) != 5)  # a time is missing
+        with pytest.raises(DataError, match=r"the index goes from .* to NaT at sample 5"):
+            Recording.from_arrays(column, column, 1 / rate)
+
+    def test_an_index_of_periods_is_a_clock(self) -> None:
+        column = pandas.Series(np.arange(5.0), index=pandas.period_range("2024-05-01", periods=5, freq="15min"))
+        assert Recording.from_arrays(column, column, 900).n_samples == 5
+        with pytest.raises(DataError, match="the index advances by 900 s, but sample_time is 90 s"):
+            Recording.from_arrays(column, column, 90)
+
     @pytest.mark.parametrize(
-        ("sample_time", "told"), [(50, True), (0.02, False), (1.0, False), (12.5, False), (60, False)]
+        ("sample_time", "told"), [(50, True), (0.02, False), (1.0, False), (12.5, False), (15, False), (300.0, False)]
     )
     def test_a_rate_in_place_of_the_sample_time_is_told(
         self, sample_time: float, told: bool, caplog: pytest.LogCaptureFixture

@@ -114,7 +114,10 @@ def effect_from(entry: str | Mapping[str, Any]) -> Effect:
         return effect_named(entry)
     if entry.get("law") != "spectrum":
         return FreeForm.from_entry(entry)
-    wide = effect_named(str(entry.get("name"))).broadened()
+    name = entry.get("name")
+    if not isinstance(name, str):
+        raise RigError("the entry of an effect with a spectrum needs the effect's name")
+    wide = effect_named(name).broadened()
     if wide is None:
-        raise RigError(f"effect {entry['name']} is not known with a spectrum; write its name alone")
+        raise RigError(f"effect {name} is not known with a spectrum; write its name alone")
     return wide

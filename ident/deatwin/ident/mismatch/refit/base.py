@@ -222,7 +222,8 @@ def _fitted_well(problem: DiagnosisProblem, variant: Plant) -> Candidate | None:
     rough = next((fit for plant in begun if (fit := roughly(plant, problem.fitted)).status.ok), None)
     if rough is None:
         return None
-    return _judged(problem, finish(at_its_time(rough, problem.fitted), problem.fitted))
+    placed = at_its_time(rough, problem.fitted)
+    return _judged(problem, finish(placed if placed.status.ok else rough, problem.fitted))
 
 
 def _starts(variant: Plant) -> list[Plant]:
