@@ -1,4 +1,4 @@
-"""The sensor's noise is the data sheet's, unless the top of the spectrum says more."""
+"""The sensor's noise is the stated one, unless the top of the spectrum says more."""
 
 import numpy as np
 import pytest
@@ -59,14 +59,14 @@ def test_a_rest_in_which_coarse_readings_stand_still_says_nothing():
     assert found.level > 0.0
 
 
-def test_the_data_sheet_is_said_to_be_the_source():
+def test_the_stated_noise_is_said_to_be_the_source():
     found = noise_level([residual(4, 3e-6)], 0.02, NOISE)
     assert found.source is NoiseSource.SHEET
-    assert "data sheet" in found.sentence
+    assert "the value stated for the sensor" in found.sentence
     louder = noise_level([1.25 * residual(4, 0.0)], 0.02, NOISE)  # 56 % more power: no rig is said to be clean with it
     assert louder.source is NoiseSource.TOP_OF_SPECTRUM
     assert louder.level == pytest.approx(1.25 * NOISE, rel=0.1)
-    # without a data sheet the recordings alone speak
+    # without a stated value the recordings alone speak
     assert noise_level([residual(4, 3e-6)], 0.02, 0.0).level == pytest.approx(NOISE, rel=0.15)
 
 
