@@ -157,21 +157,23 @@ def without_labels(lines: list[str], rows: Sequence[int], path: str) -> tuple[li
 
     >>> without_labels(["ready", '{"u": 1.5, "at": "1,5"}', '{"u": null, "at": ""}'], [1, 2, 3], "r.csv")
     (['ready', '"u","at"', '1.5,"1,5"', 'null,""'], [1, 2, 2, 3])
+
+    The order of the names may differ between rows.
     """
     first = next((k for k, line in enumerate(lines[:_HEAD]) if len(_labelled(line)) > 1), len(lines))
     names = [name for name, _ in _labelled(lines[first])] if first < len(lines) else []
-    like = [[name for name, _ in _labelled(line)] == names for line in lines[first : first + _MANY]]
-    if 2 * sum(like) <= max(len(like), 2):
+    like = [sorted(name for name, _ in _labelled(line)) == sorted(names) for line in lines[first : first + _MANY]]
+    if 2 * sum(like) <= max(len(like), 2) or len(set(names)) < len(names):
         return lines, rows
     made = [",".join(f'"{name}"' for name in names)]
     for line, row in zip(lines[first:], rows[first:], strict=True):
         cells = _labelled(line)
-        if [name for name, _ in cells] != names:
+        if sorted(name for name, _ in cells) != sorted(names):
             raise DataError(
                 f"{path}, row {row}: each row repeats the names, but not this one; write {clipped(', '.join(names))} and their "
                 "values, or remove the row"
             )
-        made.append(",".join(value for _, value in cells))
+        made.append(",".join(dict(cells)[name] for name in names))
     return [*lines[:first], *made], [*rows[:first], rows[first], *rows[first:]]
 
 

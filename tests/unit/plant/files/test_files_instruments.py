@@ -759,6 +759,7 @@ def test_a_nameless_index_of_dates_holds_the_times(tmp_path: Path, form: str) ->
         lambda t, u, y: f"t_ms:{1e3 * t:.0f},u_V:{u},y_mm:{y}",
         lambda t, u, y: f"time={t:.2f} u_V={u} y_mm={y}",
         lambda t, u, y: json.dumps({"time": f"10:11:{12 + t:05.2f}", "u_V": u, "y_mm": y, "note": None}),
+        lambda t, u, y: json.dumps({"time": t, "u_V": u, "y_mm": y} if t else {"y_mm": y, "time": t, "u_V": u}),
     ],
 )
 def test_rows_may_repeat_the_names(tmp_path: Path, write: Callable[[float, float, float], str]) -> None:
