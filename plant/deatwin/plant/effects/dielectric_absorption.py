@@ -69,7 +69,7 @@ class DielectricAbsorption(Effect):
 
     def broadened(self) -> Effect | None:
         """Return absorption with a spectrum of relaxation times."""
-        return AbsorptionSpectrum()
+        return AbsorptionSpectrum() if type(self) is DielectricAbsorption else None  # a subclass has a law of its own
 
 
 @dataclass(frozen=True, kw_only=True)

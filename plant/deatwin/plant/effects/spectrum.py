@@ -34,10 +34,6 @@ class Spectrum(Effect):
         for name, power in ((f"{self.name}_fast", -0.5), (f"{self.name}_middle", 0.0), (self.name, 0.5)):
             yield name, middle * 10 ** (power * decades)
 
-    def broadened(self) -> Effect | None:
-        """Return None, because no more general law is known."""
-        return None
-
     @property
     def entry(self) -> dict[str, Any]:
         """Entry of a model file that identifies the equations, without parameter values."""

@@ -14,10 +14,13 @@ from slopes import slope_errors
 from deatwin.plant import (
     Backlash,
     Coupon,
+    Creep,
     DeadZone,
     Diaphragm,
+    DielectricAbsorption,
     DryFriction,
     Effect,
+    Hysteresis,
     Plant,
     Rig,
     Sizes,
@@ -104,6 +107,14 @@ def test_a_spectrum_has_the_sizes_of_the_rig() -> None:
     assert isinstance(wide, RelaxationSpectrum)
     assert (wide.described("time").upper, wide.described("stiffness").upper) == pytest.approx((600e3, 300.0))
     assert (wide.described("decades").lower, wide.described("decades").upper) == (0.5, 5.0)
+
+
+@pytest.mark.parametrize("law", [Creep, DielectricAbsorption, Hysteresis, Relaxation])
+def test_a_law_of_ones_own_is_not_replaced_by_the_spectrum_of_another(law: type[Effect]) -> None:
+    wide = law().broadened()
+    assert isinstance(wide, law) and wide.name == law.name
+    assert wide.broadened() is None
+    assert type("Own", (law,), {})().broadened() is None
 
 
 def test_relaxation_starts_between_the_sample_and_the_record() -> None:
