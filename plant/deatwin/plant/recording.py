@@ -359,10 +359,14 @@ def as_experiment(given: Experiment | Recording) -> Experiment:
 def stated_seconds(sample_time: object, what: str) -> float:
     """Return a sample time that a user states; warn if it may rather be a sample rate."""
     step = seconds(sample_time, what)
-    fits = any(step % unit == 0 and larger % step == 0 for unit, larger in _CLOCK)  # as 15 s, 5 min or 2 h do
-    if step >= _RATE and step.is_integer() and not fits:
+    if step >= _RATE and step.is_integer() and not _fits_the_clock(step):
         logger.warning("%s is %g s; if %g is the sample rate in Hz, give %.9g", what, step, step, 1.0 / step)
     return step
+
+
+def _fits_the_clock(step: float) -> bool:
+    """Return whether a number of seconds divides a minute, an hour or a day into whole units, as 15 s, 5 min or 2 h do."""
+    return any(step % unit == 0 and larger % step == 0 for unit, larger in _CLOCK)
 
 
 def way_to_record(given: object) -> str:
