@@ -228,7 +228,7 @@ ANSWERS: dict[str, tuple[Callable[[Case], bool], str, str]] = {
 }
 
 
-SIZE = (10.4, 8.6)
+SIZE = (7.6, 7.8)
 
 
 def drawings(study: Opened) -> list[Drawing]:
@@ -237,8 +237,8 @@ def drawings(study: Opened) -> list[Drawing]:
         _whole(figure, study)
         whole = WORDS.drawing(figure, "summary")
     table = by_effect(study)
-    with draw((11.0, 9.6)) as figure:
-        _draw_confusion(figure.add_subplot(), table, "x-small")
+    with draw((9.0, 9.0)) as figure:
+        _draw_confusion(figure.add_subplot(), table)
         lines = ((truth, *map(int, line)) for truth, line in zip(table.truths, table.counts, strict=True))
         return [whole, WORDS.drawing(figure, "confusion_effect", csv_text(("truth", *table.answers), lines))]
 
@@ -253,7 +253,7 @@ def summary(study: Opened) -> str:
 def _whole(figure: Figure, study: Opened) -> None:
     """Draw confusion of families, power, reliability, and errors on held-out data."""
     (first, second), (third, fourth) = figure.subplots(2, 2)
-    _draw_confusion(first, by_family(study), "small")
+    _draw_confusion(first, by_family(study))
     _draw_power(second, study)
     _draw_reliability(third, study)
     _draw_errors(fourth, study)
@@ -267,7 +267,7 @@ def _whole(figure: Figure, study: Opened) -> None:
         titled(axes, title)
 
 
-def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
+def _draw_confusion(axes: Axes, table: Confusion) -> None:
     """Write counts into cells whose shade is the share of their row."""
     from matplotlib.patches import Rectangle
 
@@ -277,17 +277,22 @@ def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
             colour = Hue.AFTER if table.right[row, column] else Hue.BEFORE if column < causes else Hue.MEASURED
             depth = 0.15 + 0.6 * (count / table.counts[row].sum())
             axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, color=colour, alpha=depth, linewidth=0))
-            axes.text(column, row, str(count), ha="center", va="center", fontsize=size)
+            axes.text(column, row, str(count), ha="center", va="center", fontsize="small")
     axes.axvline(causes - 0.5, color=Hue.INK, linewidth=0.8)
     axes.axhline(len(table.truths) - 2.5, color=Hue.INK, linewidth=0.8)
-    axes.set_xticks(range(len(table.answers)), [spaced(a) for a in table.answers], fontsize=size)
-    axes.tick_params(axis="x", labelrotation=90 if crowded else 40)
-    for label in axes.get_xticklabels():
-        label.set_horizontalalignment("center" if crowded else "right")
-    axes.set_yticks(range(len(table.truths)), [spaced(t) for t in table.truths], fontsize=size)
+    axes.set_xticks(range(len(table.answers)), [spaced(a) for a in table.answers])
+    _tilt(axes, 90 if crowded else 40)
+    axes.set_yticks(range(len(table.truths)), [spaced(t) for t in table.truths], fontsize="small")
     axes.set(xlim=(-0.5, len(table.answers) - 0.5), ylim=(len(table.truths) - 0.5, -0.5))
     axes.set_axisbelow(True)
     axes.grid(alpha=0.5)
+
+
+def _tilt(axes: Axes, degrees: int) -> None:
+    """Write long names below the horizontal axis at an angle."""
+    axes.tick_params(axis="x", labelsize="small", labelrotation=degrees)
+    for label in axes.get_xticklabels():
+        label.set_horizontalalignment("center" if degrees == 90 else "right")
 
 
 def _draw_power(axes: Axes, study: Opened) -> None:
@@ -308,7 +313,7 @@ def _draw_power(axes: Axes, study: Opened) -> None:
         )
     axes.set(xscale="log", xlabel="mismatch divided by noise", ylabel="cases (%)", ylim=(-4, 104))
     plain_numbers(axes.xaxis, 1.0, 3.0)
-    axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.14), ncols=2, markerscale=1, fontsize="small")
+    axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.16), markerscale=1, fontsize="small")
 
 
 def _classes(cases: Sequence[Case], flag: Callable[[Case], bool]) -> list[tuple[float, Rate]]:
@@ -340,10 +345,10 @@ def _draw_reliability(axes: Axes, study: Opened) -> None:
 def _draw_errors(axes: Axes, study: Opened) -> None:
     found = over_oracle(study)
     shown = [name for name in MADE_BY if name != "oracle" and name in found]
-    labels = [MADE_BY[name].replace(" ", "\n") for name in shown]
+    labels = [MADE_BY[name].replace(" (", "\n(") for name in shown]
     axes.boxplot([found[name] for name in shown], whis=(5, 95), tick_labels=labels, sym="_", widths=0.5)
     axes.axhline(1.0, color=Hue.INK, linestyle=":", linewidth=0.9)
     axes.set(yscale="log", ylabel="error divided by that of the oracle")
-    axes.tick_params(axis="x", labelsize="small")
+    _tilt(axes, 40)
     numbers_of_decades(axes.yaxis, 100.0)
     axes.grid(axis="x", visible=False)

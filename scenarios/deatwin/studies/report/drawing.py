@@ -30,6 +30,10 @@ COLOURS = {
 }
 """Colours by role: the one given to matplotlib, and what replaces it in light and in dark mode."""
 
+BROAD = 540.0
+"""Width in points beyond which a figure gets a row of its own, because its letters are too small in half a row."""
+MINUS = re.compile(r"(?<![^\s(±=])-(?=\d)")
+"""A hyphen that stands for a minus sign."""
 _GREY = re.compile(r"(stroke: )?#([0-9a-f]{2})\2\2\b")
 _FAINTEST, _GUIDE = 50, 20
 """_FAINTEST: least per cent of ink in a grey line that must be visible. _GUIDE: per cent of ink up to which a line is a
@@ -78,7 +82,7 @@ def draw(size: tuple[float, float]) -> Iterator[Figure]:
 
 
 def inline(figure: Figure, name: str, title: str) -> str:
-    """Return the figure as SVG for a page that defines the CSS variables."""
+    """Return the figure as SVG for a page that defines the CSS variables; its own variable --pt is its width in points."""
     text = _source(figure)
     for role, (written, _, _) in COLOURS.items():
         text = text.replace(written, f"var(--{role})")
@@ -87,7 +91,9 @@ def inline(figure: Figure, name: str, title: str) -> str:
     text = re.sub(r'(url\(|href=")#', rf"\g<1>#{name}-", text)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     label = escape(title).replace("\\", r"\\")  # of an attribute, in the replacement of a regular expression
-    opening = rf'<svg \1 role="img" aria-label="{label}">'
+    width = 72 * figure.get_figwidth()
+    broad = ' class="broad"' if width > BROAD else ""
+    opening = rf'<svg \1{broad} style="--pt: {width:.0f}" role="img" aria-label="{label}">'
     return re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', opening, text, count=1)
 
 
@@ -123,7 +129,7 @@ def _source(figure: Figure) -> str:
         warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
-    return text[text.index("<svg") :]
+    return re.sub(r"(?<=>)[^<]+(?=</t)", lambda found: MINUS.sub("−", found[0]), text[text.index("<svg") :])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

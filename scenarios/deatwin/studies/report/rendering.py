@@ -19,7 +19,7 @@ from deatwin.plant.prefixes import time_span
 from deatwin.plant.words import as_sentence
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord, versions
-from deatwin.studies.report.drawing import COLOURS, Drawing
+from deatwin.studies.report.drawing import COLOURS, MINUS, Drawing
 from deatwin.studies.report.quantities import between, likely, quantity, raised, three_digits
 
 if TYPE_CHECKING:
@@ -71,7 +71,6 @@ _UNIT = re.compile(
     r"(?<=\d) (?:%|°|dB|samples?|times|[pnµumkMG]?(?:Hz|Pa|ohm|Ω|rad|[msVANFgWKJ])(?: s)?(?:/[a-zµ]+)?(?: rms)?)(?!\w)"
     r"|(?<=[≥≤±=]) (?=[\d-])|(?<=&lt;|&gt;) (?=\d)|(?<=\d) of (?=\d)|(?<=\d) (?=\d{3}(?!\d))|(?<=[nµmk][mVNA]) (?=rms\b)"
 )
-_MINUS = re.compile(r"(?<![^\s(±=])-(?=\d)")
 _OPTION = re.compile(r"(?<!\S)(?:--[a-z][a-z-]+|[a-z]+(?:-[a-z]+)*-\d+)(?![\w-])")
 
 
@@ -144,7 +143,7 @@ def kept_together(text: str) -> str:
     ('80.1\xa0mN\xa0s/m', 'error (µm\xa0rms)', '1\xa0sample or 0.42\xa0times, <span class="option">pair-01</span>')
     """
     text = _UNIT.sub(lambda found: found[0].replace(" ", "\xa0"), text)
-    return whole_options(_MINUS.sub("−", text))
+    return whole_options(MINUS.sub("−", text))
 
 
 def commands(text: str) -> str:

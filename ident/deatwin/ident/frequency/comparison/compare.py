@@ -222,7 +222,7 @@ class Comparison(Described):
                     f"({text})" if difference.agreement is Agreement.DRIFT else text,
                     ha="center",
                     va="center",
-                    fontsize="x-small",
+                    fontsize="small",
                     color="white" if percent > 0.6 * most else "black",
                 )
         ax.set_yticks(range(shape[0]), rows, fontsize="small")
