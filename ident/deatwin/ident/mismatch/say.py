@@ -572,7 +572,7 @@ def _next(diagnosis: Diagnosis) -> list[str]:
     load = "" if mass is None else f" with {number(mass)} g added to the load"
     return [
         f"recording the response to the {number(advised.seconds)} s of input in {advised.file}{load} would lower the "
-        f"probability that a wrong explanation fits better than the true one: from {before} to {after} %",
+        f"probability that a wrong explanation fits better than the true one from {before} to {after} %",
         f"also measure {advised.measure}, because the input in {advised.file} cannot distinguish all explanations"
         if advised.undecided
         else "",

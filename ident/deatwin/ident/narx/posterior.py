@@ -89,10 +89,10 @@ class ThetaPosterior:
     def to_arviz(
         self, rng: np.random.Generator, *, recording: Recording | None = None, n_chains: int = 4, n_draws: int = 500
     ) -> Any:
-        """Return posterior draws as ArviZ data, an InferenceData or, from ArviZ 1 on, a DataTree; needs ``bayes``.
+        """Return posterior draws as ArviZ data, an InferenceData or, from ArviZ 1 on, a DataTree.
 
-        `rng` draws. The one-step predictions and the log-likelihood of a `recording` are added; `n_chains` and `n_draws`
-        are the numbers of chains, and of draws in each of them.
+        The extra ``bayes`` must be installed. `rng` generates the draws: `n_chains` chains of `n_draws` each. If a
+        `recording` is given, its one-step predictions and log-likelihood are added.
         """
         try:
             import arviz

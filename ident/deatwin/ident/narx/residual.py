@@ -62,7 +62,7 @@ class Residual:
     def draw(self, count: int, draws: int, sample_time: float, rng: np.random.Generator) -> Array:
         """Draw stationary realisations of the process, one per column, shape (count, draws), in the output's unit.
 
-        `count` is the number of samples, `draws` that of realisations, `sample_time` is in s, `rng` draws.
+        `count` is the number of samples, `draws` that of realisations, `sample_time` is in s, `rng` generates them.
         """
         from scipy.signal import lfilter
 

@@ -52,7 +52,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     rows, fleet = judge(study), study.consistency
     page = StoryPage(
         title="frequency-uncertainty",
-        sentence=f"{_answer(fleet)} {reached(rows)} stated measures are reached.",
+        sentence=f"{_answer(fleet)} {reached(rows)} stated goals are reached.",
         rows=rows,
         notes=notes(__package__, **_numbers(study)),
         figures=[*known_drawings(study.known), *fleet_drawings(fleet)],

@@ -35,7 +35,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="svb-benchmark",
         sentence=f"{len(PLAN.methods)} methods chose the structure in {PLAN.draws} draws of each of "
-        f"{len(PLAN.systems)} systems; {reached(rows)} stated measures are reached.",
+        f"{len(PLAN.systems)} systems; {reached(rows)} stated goals are reached.",
         rows=rows,
         notes=notes(
             __package__,
