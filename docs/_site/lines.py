@@ -12,6 +12,8 @@ from deatwin.studies.report.rendering import kept_together, whole_options
 
 PARTS = re.compile(r"<(pre|svg|math|script|style|code)\b.*?</\1>|<[^>]*>|[^<]+", re.DOTALL)
 TEXT = re.compile(r"(?<=>)[^<]+")
+EXTRA = re.compile(r"(?:\"|&quot;)\.\[\w+\](?:\"|&quot;)")
+"""What pip is given to install an extra, as in ``".[files]"``; browsers would break it behind the point."""
 PATH = re.compile(r"[^\s<>]{26,}")
 """An address or a path that may be too long for a line."""
 LONGEST_NAME = 26
@@ -28,7 +30,9 @@ def _whole(part: str) -> str:
         return TEXT.sub(lambda found: whole_options(found[0]), part)
     if part.startswith("<code>"):
         long = sum(map(len, TEXT.findall(part))) > LONGEST_NAME
-        part = TEXT.sub(lambda found: _paths(whole_options(found[0])), part)
+        part = TEXT.sub(
+            lambda found: _paths(EXTRA.sub(r'<span class="option">\g<0></span>', whole_options(found[0]))), part
+        )
         return part.replace("<code>", '<code class="long">', 1) if long else part
     return part if part.startswith("<") else _paths(kept_together(part))
 
