@@ -194,6 +194,20 @@ def illegible(tab: Any) -> list[str]:
     )
 
 
+def too_small(tab: Any) -> list[str]:
+    """Words of figures whose letters are less than half as large as those of the page."""
+    return list(
+        tab.run("""
+        const least = parseFloat(getComputedStyle(document.body).fontSize) / 2, wrong = new Set();
+        for (const words of document.querySelectorAll("figure svg text")) {
+            const { a, b } = words.getScreenCTM(), size = parseFloat(getComputedStyle(words).fontSize) * Math.hypot(a, b);
+            if (words.textContent.trim() && size < least) wrong.add(`"${words.textContent.trim()}" ${size.toFixed(1)}`);
+        }
+        return [...wrong];
+    """)
+    )
+
+
 def lost_on_paper(tab: Any) -> list[str]:
     """What is hidden, dark or cut when the page is printed; the print's look is on."""
     return list(
@@ -301,6 +315,7 @@ def test_a_report_is_sound_on_every_screen(report: Path, tab: Any, axe: Callable
         assert troubles(tab) == [], (width, scheme)
         assert figures_missing(tab, report.parent) == [], (width, scheme)
         assert illegible(tab) == [], (width, scheme)
+        assert too_small(tab) == [], (width, scheme)
         if rules:
             assert axe() == [], (width, scheme)
     assert provenance_missing(tab) == []
@@ -394,6 +409,9 @@ def test_every_check_can_fail(tab: Any, axe: Callable[[], list[str]], words_on_a
     opened(page(FIGURE))
     assert figures_missing(tab, tmp_path) == ["figures/b.csv: a figure's data, but no figure"]
     assert [line[:11] for line in illegible(tab)] == ['A: "faint" ']
+    assert too_small(tab) == []
+    opened(page(FIGURE.replace('width="300" height="100"', 'width="120" height="40"')))
+    assert too_small(tab) == ['"faint" 6.4']
     opened(page(words_on_a_map))
     assert [line[:12] for line in illegible(tab)] == ['A: "on black', 'A: "on white']
     opened(page(FIGURE))
