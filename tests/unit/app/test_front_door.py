@@ -119,7 +119,8 @@ DATED = (
 )
 FILES = {
     "good.csv": table(),
-    "lab.jsonl": '{"time_s": 0.1, "command_V": 2.0, "displacement_mm": 0.3}\n' * 12 + '{"time_s": 0.2}\n',
+    "lab.jsonl": '{"time_s": 0.1, "command_V": 2.0, "displacement_mm": 0.3}\n' * 12
+    + '{"time_s": 0.2}\n{"time_s": 0.3, "command_V": 2.0, "displacement_mm": 0.3}\n',
     "coarse.csv": "time_s,time_ms,command_V,displacement_mm\n"
     + "".join(f"{k // 50},{20 * k},2,0.3\n" for k in range(99)),
     "single.csv": "".join(f"{math.sin(k):.4f}\n" for k in range(40)),
@@ -149,14 +150,13 @@ FILES = {
     "hole.csv": table(row_8="0.12,,0.3"),
     "text.csv": table(row_8="0.12,off,0.3"),
     "over.csv": table(row_8="0.12,9.9E+37,0.3"),
-    "unfinished.csv": table().rstrip()[:-1],
     "minutes.csv": table("time,command_V,displacement_mm", samples=0)
     + "".join(f"14{k:02}00,{2 + math.sin(k):.4f},0.3\n" for k in range(40)),
     "factors.csv": table(HEADER + "\nx1,x1,x0.001"),
     "rows.csv": "time_s,0,0.1,0.2,0.3\ncommand_V,1,2,3,4\ndisplacement_mm,2,3,4,5\n",
     "timeless.csv": table(row_8=",2.0,0.3"),
     "short.csv": table(row_8="0.12"),
-    "broken.csv": table(row_41="0.78"),
+    "untimed.csv": table("command_V,displacement_mm,time_s", row_8="2.0,0.3"),
     "long.csv": table(row_8="0.12,2.0,0.3,9"),
     "marks.csv": table(row_8="0.12,2_0,0.3"),
     "unsorted.csv": table(row_8="0.04,2.0,0.3"),
@@ -308,8 +308,7 @@ FILES = {
 }
 BYTES = {
     "binary.csv": bytes(range(256)),
-    "utf16.csv": table().encode("utf-16")[:-1],
-    "powerless.csv": table().rstrip()[:-1].encode() + bytes(64),
+    "utf16.csv": table().encode("utf-16")[:-2] + b"\x00\xd8\x00\x00",
     "half.csv.gz": gzip.compress(table().encode(), mtime=0)[:-20],
     "latin.toml": RIG.replace("VHB", "Élastomère").encode("latin-1"),
 }

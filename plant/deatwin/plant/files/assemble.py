@@ -92,6 +92,7 @@ def recordings_of(
     used = [column for columns in roles.values() for column in columns]
     stated = _stated(table, used, dt)
     wanted = list(dict.fromkeys([*used, *([] if times is None else [times])]))  # one column may have two roles
+    table = table.without_cut_number(wanted)
     spotty = {
         *further,
         *(k for k, name in enumerate(table.names) if table.declared.signals or name in ELECTRICAL_UNITS),
@@ -155,6 +156,8 @@ def recordings_of(
             f'{error}; if the column "{table.shown(times)}" is not in seconds, state its unit: {offers}',
             offers | error.offers,
         ) from None
+    if table.left_out:
+        logger.warning("%s: the last row was left out, because %s", table.path, table.left_out)
     if table.scale and not table.declared.signals:
         logger.warning(
             '%s: a remark in the file says "%s", which is not applied; if the numbers lack this scale, state the unit for which '

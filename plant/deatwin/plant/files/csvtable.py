@@ -35,6 +35,7 @@ from deatwin.plant.files.csvtext import (
     decode,
     find_layout,
     grouped,
+    lacks_cells,
     require_no_numbered_columns,
     require_no_settings,
     require_whole_numbers,
@@ -122,13 +123,6 @@ class CsvTable(Table):
 
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns in SI units, or in those of `wanted`, (len(columns), n), exactly rounded."""
-        found = self._values(columns, missing)
-        if not self.ended:
-            self._require_whole_end(columns)
-        return found
-
-    def _values(self, columns: Sequence[int], missing: Collection[int]) -> NDArray[np.float64]:
-        """Return columns in their units, (len(columns), n)."""
         if (even := self._of_even_rows([column for column in columns if column not in self.scales])) is not None:
             rest = iter(even)
             read = (self._numbers(k, [*self.texts(k)]) if k in self.scales else next(rest) for k in columns)
@@ -155,23 +149,21 @@ class CsvTable(Table):
             raise self._bad_cell(columns, missing)
         return np.array(known)
 
-    def _require_whole_end(self, columns: Sequence[int]) -> None:
-        """Refuse a last number that seems cut short: its row lacks cells, or it lacks digits that all others have."""
+    def without_cut_number(self, columns: Collection[int]) -> "CsvTable":
+        """Return the table without its last row if that ends, in one of some columns, with fewer digits than all others."""
         *before, last = [split_cells(line, self.delimiter) for line in self.lines[-_FEW:]]
         column = len(last) - 1
-        others = [
-            _digits(row[column]) for row in before if column < len(row) and is_number(row[column].replace(",", "."))
-        ]
-        if column not in columns or max(columns) > column or len(others) < _ALIKE:
-            return
+        numbers = [row[column] for row in before if column < len(row) and is_number(row[column].replace(",", "."))]
+        others = list(map(_digits, numbers))
+        if self.ended or column not in columns or len(others) < _ALIKE:
+            return self
+        if _may_be_thousands([cell.replace(",", ".") for cell in (*numbers, last[column])]):
+            return self  # which is refused later
         fewest = tuple(map(min, zip(*others, strict=True)))
         whole, *parts = zip(_digits(last[column]), fewest, strict=True)
         cut = any(own < few for own, few in parts) or (not any(few for _, few in parts) and whole[0] < whole[1])
-        if cut or len(last) < min(map(len, before)):
-            raise DataError(
-                f'{self.where(len(self.lines) - 1)}, column "{self.shown(column)}": the file ends within this row, and '
-                f"{clipped(last[column])} may be cut short: remove the row, or put a line break behind it if it is complete"
-            )
+        said = f"row {self.rows[-1]} ends with {clipped(last[column])}, which may be cut short (put a line break behind it if it is whole)"
+        return replace(self, lines=self.lines[:-1], rows=self.rows[:-1], left_out=said) if cut else self
 
     def _of_even_rows(self, columns: Sequence[int]) -> NDArray[np.float64] | None:
         """Return columns of numbers piece by piece, which takes a third of the time and memory.
@@ -215,12 +207,11 @@ class CsvTable(Table):
     def _of_short_rows(
         self, rows: Sequence[Sequence[str]], columns: Sequence[int], missing: Collection[int]
     ) -> list[list[str]]:
-        """Return the cells of columns; short rows are filled up, except the last, at which the file breaks off."""
-        last = len(rows) - 1
+        """Return the cells of columns; short rows are filled up."""
+        widest = max(map(len, rows))
         try:
             return [
-                [row[k] if k < len(row) or k not in missing or n == last else "" for n, row in enumerate(rows)]
-                for k in columns
+                [row[k] if k < len(row) or k not in missing or k >= widest else "" for row in rows] for k in columns
             ]
         except IndexError:
             raise self._bad_cell(columns, missing) from None
@@ -326,20 +317,15 @@ class CsvTable(Table):
 
     def _bad_cell(self, columns: Sequence[int], missing: Collection[int]) -> DataError:
         """Return the error of the first cell that is not a finite number; those of `missing` columns may be empty."""
-        last = len(self.lines) - 1
         for sample, line in enumerate(self.lines):
             row = split_cells(line, self.delimiter)
             for column in columns:
                 place = f'{self.where(sample)}, column "{self.shown(column)}"'
-                if (
-                    column >= len(row)
-                    and column >= line.count(self.delimiter) + 1
-                    and (sample == last or column not in missing)
-                ):
-                    ends = "; the file ends within it: remove the row" if sample == last else ""
-                    if all(not cell for cell in self.texts(column)):
-                        ends = ", like all rows: remove the additional cells of the header"
-                    return DataError(f"{place}: the row has {len(row)} of {len(self.headers)} cells{ends}")
+                if column >= max(len(row), line.count(self.delimiter) + 1):
+                    everywhere = all(not cell for cell in self.texts(column))
+                    if everywhere or column not in missing:
+                        ends = ", like all rows: remove the additional cells of the header" if everywhere else ""
+                        return DataError(f"{place}: the row has {len(row)} of {len(self.headers)} cells{ends}")
                 cell = row[column] if column < len(row) else ""
                 if column in missing and _is_absent(cell):
                     continue
@@ -402,7 +388,10 @@ def read_table(path: str | Path) -> CsvTable:
         content = _unzipped(content, name)
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
-    text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
+    text = decode(content, name)
+    written = text.rstrip("\0")
+    unwritten = written != text and not written.endswith(("\n", "\r"))
+    text = written.replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
     text = text.replace("\n\ufeff", "\n").replace("\f", "")  # the marks of joined files, and ends of printed pages
     text = _GUARDED.sub(r'\1"\2"', text) if '="' in text else text
     text = _DASH.sub("-", text) if "\u2013" in text else text
@@ -410,8 +399,11 @@ def read_table(path: str | Path) -> CsvTable:
     lines = text.split("\n")
     if _RECEIVED.match(text):
         lines = [_RECEIVED.sub(_with_stamp, line) for line in lines]
-    table = table_of(lines, range(1, len(lines) + 1), name, hashlib.sha256(content).hexdigest())
-    return replace(table, ended=len(lines) not in table.rows[-1:])
+    said = f"the file breaks off within row {len(lines)}, and zeros follow" if unwritten else ""
+    lines = lines[:-1] if unwritten else lines
+    digest, ended = hashlib.sha256(content).hexdigest(), unwritten or not lines[-1].strip()
+    table = table_of(lines, range(1, len(lines) + 1), name, digest, ended=ended)
+    return replace(table, left_out=said or table.left_out)
 
 
 def _with_stamp(line: re.Match[str]) -> str:
@@ -452,7 +444,7 @@ def _only_file(content: bytes, path: str) -> IO[bytes]:
     return archive.open(files[0])
 
 
-def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) -> CsvTable:
+def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str, *, ended: bool = True) -> CsvTable:
     """Return the table in lines of text, of which each has its number in the file."""
     last = len(lines)
     while last and not lines[last - 1].strip(_EMPTY):
@@ -473,7 +465,10 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         raise DataError(
             f"{name}: this is a universal file (data set {clipped(lines[1].strip())}), which cannot be read; export columns of text"
         )
-    lines, rows = without_labels(*without_index_line(with_name_of_rows(lines), rows), name)
+    lines, rows = without_index_line(with_name_of_rows(lines), rows)
+    last_row = rows[-1]
+    lines, rows = without_labels(lines, rows, name)
+    left_out = "" if rows[-1] == last_row else f"the file breaks off within row {last_row}"
     layout = find_layout(lines, rows, name)
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)
@@ -511,6 +506,9 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
     while len(lines) > 1 < len(headers) and layout.delimiter not in lines[-1] and kind_of_cell(lines[-1]) == "text":
         lines, rows = lines[:-1], rows[:-1]
     require_no_settings(lines, rows, layout.delimiter, name)
+    if lacks_cells(lines, layout.delimiter, ended=ended):
+        left_out = f"row {rows[-1]} has {len(split_cells(lines[-1], layout.delimiter))} of {len(headers)} cells"
+        lines, rows, ended = lines[:-1], rows[:-1], True
     for k in range(1, len(headers)):
         if _UNIT_COLUMN.fullmatch(headers[k]) and not (units[k - 1] or said[k - 1]):
             units[k - 1], said[k - 1] = _unit_of_rows(
@@ -542,6 +540,8 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         delimiter=layout.delimiter,
         marks=marks,
         scale=next((scale for line in remarks if line != header and (scale := scale_in(line))), ""),
+        ended=ended,
+        left_out=left_out,
     )
 
 

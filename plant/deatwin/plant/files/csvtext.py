@@ -49,6 +49,7 @@ _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # Blanks that
 _INDEX_LINE = re.compile(r"([^,;\t|]*)(([,;\t|])\3*)")  # At most a name, and empty cells
 _JAPANESE = re.compile(rb"\x83\xca|\x81\x8e|(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
 """µ, °C, or two characters of Shift JIS, which begin with bytes that Windows-1252 has for quotes and dashes."""
+_BREAKS_OFF = ("truncated data", "unexpected end of data")  # Reasons of a decoder for text that ends within a character
 _LETTERS = 3  # Least number of accented letters that follow each other in no language of Windows-1252
 _RUSSIAN = re.compile(rb"[\xc0-\xdf]?[\xe0-\xff]{2,}|[\xc0-\xdf]{3,}")
 """Word of Windows-1251: a capital letter and small ones, small letters only, or capital ones only."""
@@ -69,7 +70,10 @@ class Layout:
 
 
 def decode(content: bytes, path: str) -> str:
-    """Return the text of a file in UTF-8, UTF-16 (also without its mark), UTF-32 with it, GBK, or Windows-1252."""
+    """Return the text of a file in UTF-8, UTF-16 (also without its mark), UTF-32 with it, GBK, or Windows-1252.
+
+    A zero at its end stands for room that the file has and nobody wrote.
+    """
     if content[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
         return content.decode("utf-32", errors="replace")
     halves = content[0:8:2], content[1:8:2]  # of the first four characters, which are Latin in a table
@@ -79,18 +83,20 @@ def decode(content: bytes, path: str) -> str:
         try:
             return content.decode(bare or "utf-16")
         except UnicodeDecodeError as error:
-            raise DataError(f"{path}: the UTF-16 text breaks off at byte {error.start}; save the file again") from None
+            if error.reason in _BREAKS_OFF:
+                return content[: error.start].decode(bare or "utf-16")
+            raise DataError(f"{path}: the UTF-16 text is damaged at byte {error.start}; save the file again") from None
     written = content.rstrip(b"\0\x1a")  # a logger that loses power leaves the rest unwritten; DOS marks the end
-    if content.endswith(b"\0") and b"\0" not in written and not written.endswith((b"\n", b"\r")):
-        raise DataError(f"{path}: it breaks off within a row, and zeros follow; remove them and the row")
-    content = written
-    if b"\0" in content:
+    rest = "\0" * content.endswith(b"\0")
+    if b"\0" in written:
         book = "; end the name of an Excel workbook in .xlsx, and unpack a zip file" if content[:2] == b"PK" else ""
         raise DataError(f"{path}: not a text file; save the table as CSV in UTF-8{book}")
     try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode(_code_page(content), errors="replace")
+        return written.decode("utf-8-sig") + rest
+    except UnicodeDecodeError as error:
+        if error.reason in _BREAKS_OFF:
+            return written[: error.start].decode("utf-8-sig") + rest
+        return written.decode(_code_page(written), errors="replace") + rest
 
 
 def _code_page(content: bytes) -> str:
@@ -144,6 +150,15 @@ def _holds_only_values(cells: list[str]) -> bool:
     return all(kind_of_cell(cell) in ("", "number", "date", "text") for cell in cells)
 
 
+def lacks_cells(lines: Sequence[str], delimiter: str, *, ended: bool) -> bool:
+    """Return whether the last line has fewer cells than each line before it; with a line break, empty ones count."""
+
+    def width(line: str) -> int:
+        return len(split_cells(f"{line}{delimiter}." if ended else line, delimiter))
+
+    return len(lines) > 2 and all(width(line) > width(lines[-1]) for line in lines[:-1])
+
+
 def with_name_of_rows(lines: list[str]) -> list[str]:
     """Return lines of a table of R with an empty name before the others: R gives the quoted numbers of its rows none."""
     found = re.match(r'"1"([ \t,;])', lines[1]) if len(lines) > 1 else None
@@ -158,7 +173,7 @@ def without_labels(lines: list[str], rows: Sequence[int], path: str) -> tuple[li
     >>> without_labels(["ready", '{"u": 1.5, "at": "1,5"}', '{"u": null, "at": ""}'], [1, 2, 3], "r.csv")
     (['ready', '"u","at"', '1.5,"1,5"', 'null,""'], [1, 2, 2, 3])
 
-    The order of the names may differ between rows.
+    The order of the names may differ between rows. A last row that breaks off is left out.
     """
     first = next((k for k, line in enumerate(lines[:_HEAD]) if len(_labelled(line)) > 1), len(lines))
     names = [name for name, _ in _labelled(lines[first])] if first < len(lines) else []
@@ -169,6 +184,8 @@ def without_labels(lines: list[str], rows: Sequence[int], path: str) -> tuple[li
     for line, row in zip(lines[first:], rows[first:], strict=True):
         cells = _labelled(line)
         if sorted(name for name, _ in cells) != sorted(names):
+            if row == rows[-1] and len(made) > _LIKE_SAMPLES:
+                return [*lines[:first], *made], [*rows[:first], rows[first], *rows[first:-1]]
             raise DataError(
                 f"{path}, row {row}: each row repeats the names, but not this one; write {clipped(', '.join(names))} and their "
                 "values, or remove the row"

@@ -769,7 +769,7 @@ def test_rows_may_repeat_the_names(tmp_path: Path, write: Callable[[float, float
         found = read_recording(tmp_path / name, input_column="u_V", output_column="y_mm")
         assert found.sample_time == pytest.approx(DT)
         np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-12)
-    (tmp_path / "r.txt").write_text("\n".join([*rows[:40], "t_ms:800,u_V:1"]) + "\n", encoding="utf-8")
+    (tmp_path / "r.txt").write_text("\n".join([*rows[:40], "t_ms:800,u_V:1", *rows[41:]]), encoding="utf-8")
     with pytest.raises(DataError, match="row 41: each row repeats the names, but not this one"):
         read_recording(tmp_path / "r.txt", input_column="u_V", output_column="y_mm")
 
@@ -800,6 +800,9 @@ def test_a_scale_in_a_remark_is_told(tmp_path: Path, caplog: pytest.LogCaptureFi
         ("# laser: 10 mm / 10 V", "10 mm / 10 V"),
         ("# Trek 10 kV / 10 mA, 1 V = 1 kV", "1 V = 1 kV"),
         ("# film 100 um, 20 V/um", ""),
+        ("# field 50 V/mm", ""),
+        ("# E = 120 V/mm, gap 2 mm", ""),
+        ("# Feld 3 kV/cm; laser 0.5 V/mm", "0.5 V/mm"),
         ("# Sylgard 184, 10:1", ""),
         ("# run 1/10, objective 10x", ""),
         ("# supply 24 V / 5 A, mains 230 V / 50 Hz, 10 nF / 2 kV", ""),
