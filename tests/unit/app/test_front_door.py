@@ -156,6 +156,7 @@ FILES = {
     "rows.csv": "time_s,0,0.1,0.2,0.3\ncommand_V,1,2,3,4\ndisplacement_mm,2,3,4,5\n",
     "timeless.csv": table(row_8=",2.0,0.3"),
     "short.csv": table(row_8="0.12"),
+    "blocks.csv": 2 * "trace_names,,u,x\nunit,s,V,mm\ntrace_values,0,1,2\n,0.1,2,3\n,0.2,3,4\n,0.3,4,5\n",
     "untimed.csv": table("command_V,displacement_mm,time_s", row_8="2.0,0.3"),
     "long.csv": table(row_8="0.12,2.0,0.3,9"),
     "marks.csv": table(row_8="0.12,2_0,0.3"),

@@ -41,6 +41,10 @@ _SETTINGS = re.compile(
 _SCALES = re.compile("(?i)scal|offset|gain|factor|zero|sensitiv|slope|calib|skal|faktor|null|empfind")
 _NAMES_LABEL = re.compile(r"(?i)(trace|channel|signal)[ _]?(name|title)s?\b")  # Word before the names
 _LABEL = re.compile(r"([A-Za-z][A-Za-z ]*):\s*")  # Before a setting of a channel
+_VALUES = re.compile(
+    r'(?i)"?((trace|channel|signal)[ _]?)?(value|data|sample)s?"?([,;\t])'
+)  # Label of the first sample
+_TRACES = re.compile(r"((trace|channel|signal)[ _]?)?(name|path|title)s?")  # Label of a line of names
 _UNITS_WORD = re.compile(r"(?i)(?<![^\W_])(units?|einheit(en)?)(?![^\W_])")  # In the label of a line of units
 _TIMES = ("s", "ms", "us", "ns", "min", "h")
 _GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|(?<![\d:])[\d:]*\d:\d\d,\d{3}(?!\d)")
@@ -148,6 +152,41 @@ def find_layout(lines: list[str], rows: Sequence[int], path: str) -> Layout:
 def _holds_only_values(cells: list[str]) -> bool:
     """Return whether each cell of a line holds a number, a date or a word, or nothing."""
     return all(kind_of_cell(cell) in ("", "number", "date", "text") for cell in cells)
+
+
+def without_label_column(lines: list[str], rows: Sequence[int], path: str) -> tuple[list[str], Sequence[int]]:
+    """Return lines and rows of a table that labels its lines in the first cell, as ControlDesk of dSPACE does, without labels.
+
+    >>> without_label_column(["path,,u", "unit,s,V", "trace_values,0,1", ",1,2", ",2,3", ",3,4"], range(1, 7), "r.csv")
+    (['time,u', 's,V', '0,1', '1,2', '2,3', '3,4'], [1, 2, 3, 4, 5, 6])
+
+    The name of a signal is that of its path if several have the same one. Unnamed are only the times.
+    """
+    for first, line in enumerate(lines[1:_HEAD], 1):
+        if not (found := _VALUES.match(line)):
+            continue
+        delimiter = found[4]
+        cells = [split_cells(below, delimiter) for below in lines[first : first + 1 + _LIKE_SAMPLES]]
+        if not all(len(row) > 2 and any(map(is_value, row[1:])) for row in cells) or any(row[0] for row in cells[1:]):
+            continue
+        head = {row[0].lower(): row[1:] for row in (split_cells(above, delimiter) for above in lines[:first])}
+        width = len(cells[0]) - 1
+        named = [head[label] for label in sorted(head, key=lambda label: label == "path") if _TRACES.fullmatch(label)]
+        named = [row for row in named if width - 1 <= len(row) <= width]
+        if not named or len(cells) < 1 + _LIKE_SAMPLES:
+            continue
+        names = next((row for row in named if len(set(row)) == len(row)), named[-1])
+        names = [name or ("" if k else "time") for k, name in enumerate(names)]
+        units = next((row for label, row in head.items() if _UNITS_WORD.search(label)), [])
+        if again := next((k for k in range(first + 1, len(lines)) if lines[k].startswith(found[0])), 0):
+            raise DataError(
+                f"{path}, row {rows[again]}: other signals begin here; give each block of signals a file of its own"
+            )
+        head_rows = [(row + [""] * width)[:width] for row in (names, units) if row]
+        made = [delimiter.join(f'"{cell}"' if delimiter in cell else cell for cell in row) for row in head_rows]
+        samples = [below.partition(delimiter)[2] for below in lines[first:]]
+        return [*made, *samples], [*rows[first - len(made) : first], *rows[first:]]
+    return lines, rows
 
 
 def lacks_cells(lines: Sequence[str], delimiter: str, *, ended: bool) -> bool:

@@ -162,11 +162,9 @@ def read_material(section: object) -> tuple[Material | None, list[tuple[tuple[st
     reader = _Reader(section)
     reader.unknown(section, KEYS)
     found = _base(reader)
-    if found is None:
-        return None, reader.mistakes
-    base, energy = found
-    changed: dict[str, Any] = {"energy": energy, "elastic": tuple(_elastic(reader, base, energy))}
-    changed["name"] = reader.text("name") or ("of the rig file" if "energy" in section else base.name)
+    base = found[0] if found else UNKNOWN[next(iter(UNKNOWN))]  # so that the other entries are checked, too
+    changed: dict[str, Any] = {"elastic": tuple(_elastic(reader, *found)), "energy": found[1]} if found else {}
+    changed["name"] = section.get("name") or ("of the rig file" if "energy" in section else base.name)
     if "branches" in section:
         changed["branches"] = tuple(_branches(reader))
     if "permittivity" in section:

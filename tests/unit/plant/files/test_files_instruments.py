@@ -811,3 +811,42 @@ def test_a_scale_in_a_remark_is_told(tmp_path: Path, caplog: pytest.LogCaptureFi
         (tmp_path / "r.csv").write_text(f"{remark}\n{rows}", encoding="utf-8")
         np.testing.assert_allclose(read_recording(tmp_path / "r.csv").inputs[0], U)
         assert (f'"{scale}", which is not applied' in caplog.text) == bool(scale)
+
+
+def controldesk(mark: str = ",", units: bool = True) -> list[str]:
+    """A recorder's table of dSPACE ControlDesk: labelled lines, the last of which is the first sample."""
+    rows = [f"{t:.3f}{mark}{u:.4f}{mark}{y:.5f}" for t, u, y in zip(T, U, Y, strict=True)]
+    head = [
+        f"origin{mark}ControlDesk 7.3",
+        "",
+        f"device{mark}DS1202",
+        f"trace_names{mark}{mark}Out1{mark}Out1",
+        f"path{mark}{mark}Model Root/u/Out1{mark}Model Root/x/Out1",
+    ]
+    return [
+        *head,
+        *[f"unit{mark}s{mark}V{mark}mm"] * units,
+        f"trace_values{mark}{rows[0]}",
+        *(mark + r for r in rows[1:]),
+    ]
+
+
+@pytest.mark.parametrize(("mark", "units"), [(",", True), (";", True), (",", False)])
+def test_lines_with_labels_in_their_first_cell_are_read(tmp_path: Path, mark: str, units: bool) -> None:
+    (tmp_path / "r.csv").write_text("\n".join(controldesk(mark, units)) + "\n", encoding="utf-8")
+    unit = ("", "") if units else ("=V", "=mm")
+    found = read_recording(
+        tmp_path / "r.csv", input_column=f"Model Root/u/Out1{unit[0]}", output_column=f"Model Root/x/Out1{unit[1]}"
+    )
+    np.testing.assert_allclose(found.inputs[0], np.round(U, 4), atol=1e-12)
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * np.round(Y, 5), atol=1e-12)
+    assert found.sample_time == pytest.approx(DT) and found.provenance["rows"].startswith("7-" if units else "6-")
+
+
+def test_a_second_block_of_labelled_lines_is_named(tmp_path: Path) -> None:
+    lines = controldesk()
+    (tmp_path / "r.csv").write_text("\n".join([*lines, "", *lines]), encoding="utf-8")
+    with pytest.raises(
+        DataError, match=rf"row {len(lines) + 8}: other signals begin here; give each block of signals a"
+    ):
+        read_recording(tmp_path / "r.csv", input_column="#2", output_column="#3")
