@@ -22,6 +22,7 @@ from deatwin.plant.files.formats.tdms import STARTED
 from deatwin.plant.files.timecolumns import (
     counts_by_one,
     is_count,
+    is_nameless,
     likely_times,
     no_times,
     require_unit,
@@ -274,11 +275,12 @@ def _is_filled(table: Table, column: int) -> bool:
 
 def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
     """Warn how the times were interpreted, unless the file states it."""
-    if table.nameless and named is None:
+    if times == 0 and is_nameless(table) and named is None:
         logger.warning(
-            '%s: without a header its first column, which rises evenly, is taken as the times%s; --time-column "#1=ms" '
+            '%s: without a header %s first column, which rises evenly, is taken as the times%s; --time-column "#1=ms" '
             "states another unit, --dt another sample time",
             table.path,
+            "its" if table.nameless else "the",
             "" if table.scales.get(times) else " in s",
         )
     if not unit and (scale := table.scales.get(times)) and scale.unit and scale.began:

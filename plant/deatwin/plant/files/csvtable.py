@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import IO
 
@@ -48,6 +49,7 @@ from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.optional import reading
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import for_name, scale_in, split_unit, split_units
+from deatwin.plant.files.rates import sample_time_in
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
@@ -60,6 +62,9 @@ _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-prec
 _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
 )  # Mark between thousands that no decimal sign can be
+_SPACED = re.compile(r"[+-]?[1-9]\d{0,2}(?:(['’\u00a0\u2009\u202f ])\d{3})(?:\1\d{3})*(?:[.,]\d*)?")  # 1'234.5
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:(?:([.,])\d{3})+(?!\1)[.,]\d+|([.,])\d{3}(?:\2\d{3})+)")
+"""Number whose mark between thousands is certain: 1,234.5 and 1.234.567."""
 _DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a minus sign
 _GUARDED = re.compile(r'(?m)(^|[,;|\t])="([^"\n]*)"(?=[,;|\t]|$)')
 """Text that a program keeps from a spreadsheet's guesses."""
@@ -89,8 +94,11 @@ _PARTS = (
 """Names of a column with the part of a second behind a column of whole seconds, and the digits of this part."""
 _HOURS = re.compile(r"(h|hh|hours?|stunden?) (min|mm|minutes?|minuten?) (s|ss|sec|seconds?|sekunden?)")
 """Last words of the names of three columns with hours, minutes and seconds."""
+_MINUTES = re.compile(r"(min|minutes?|minuten?) (s|sec|seconds?|sekunden?)")
+"""Last words of the names of two columns with minutes and seconds."""
 _OF_DAYS = re.compile(r"(?i)date|datum|fecha")  # Name of a column that says only the day
 _OF_DAY = re.compile(r"(\d{1,2}) ([0-5]?\d) ([0-5]?\d(?:[.,]\d*)?)")
+_OF_HOUR = re.compile(r"(\d{1,3}) ([0-5]?\d)(?:[.,](\d*))?")
 _EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
 _RULED = re.compile(r"(?=.*(?:---|===|[-–]\s*[,;|\t]\s*[-–]))[-–=+:|,;\t ]+")
 """Line that underlines the names, or says of no column that it has a unit."""
@@ -135,7 +143,8 @@ class CsvTable(Table):
         except IndexError:
             texts = self._of_short_rows(rows, columns, missing)
         plain = [k for k, column in enumerate(columns) if not self._dated(column)]
-        numbers = self._with_decimal_points([columns[k] for k in plain], [texts[k] for k in plain])
+        whole = _without_thousands([texts[k] for k in plain])
+        numbers = self._with_decimal_points([columns[k] for k in plain], whole)
         for k, cells in zip(plain, numbers, strict=True):
             texts[k] = cells
         values = [self._numbers(column, cells) for column, cells in zip(columns, texts, strict=True)]
@@ -359,6 +368,26 @@ class CsvTable(Table):
         return DataError(f"{self.path}: the samples cannot be read as numbers")
 
 
+def _without_thousands(texts: list[list[str]]) -> list[list[str]]:
+    """Return cells of numbers without marks between thousands, if these are certain; else as they are.
+
+    >>> _without_thousands([["999.5", "1,234.5", "12,345"], ["1'000.5"]]), _without_thousands([["1,234", "0,5"]])
+    ([['999.5', '1234.5', '12345'], ['1000.5']], [['1,234', '0,5']])
+    """
+    if any(_APART.search(cell) for cells in texts for cell in cells):
+        texts = [
+            [_APART.sub("", cell) if _SPACED.fullmatch(cell.strip()) else cell for cell in cells] for cells in texts
+        ]
+    if not any("," in cell for cells in texts for cell in cells):
+        return texts
+    certain = next((found for cells in texts for cell in cells if (found := _GROUPED.fullmatch(cell.strip()))), None)
+    mark = (certain[1] or certain[2]) if certain else ""
+    fits = re.compile(rf"[+-]?\d{{1,3}}(?:{re.escape(mark)}\d{{3}})+(?:[.,]\d*)?")
+    if not mark or any(mark in cell and not fits.fullmatch(cell.strip()) for cells in texts for cell in cells):
+        return texts
+    return [[cell.replace(mark, "") for cell in cells] for cells in texts]
+
+
 def _digits(cell: str) -> tuple[int, int, int]:
     """Return how many digits a number has before and behind its decimal sign, and in its exponent."""
     mantissa, _, exponent = cell.lower().partition("e")
@@ -523,6 +552,12 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str, 
             lines, names[k - 2 : k + 1] = joined, ["", "", "time"]
             units[k - 2 : k + 1] = said[k - 2 : k + 1] = ["", "", ""]
     for k in range(1, len(headers)):
+        timed = any(_is_time(names[j], units[j]) for j in range(len(headers)) if not k - 1 <= j <= k + 1)
+        joined = None if timed or not names[k - 1] else _with_minutes(lines, layout.delimiter, k, headers)
+        if joined is not None:
+            lines, names[k - 1 : k + 1] = joined, ["", "time"]
+            units[k - 1 : k + 1] = said[k - 1 : k + 1] = ["", ""]
+    for k in range(1, len(headers)):
         timed = _is_time(names[k - 1], units[k - 1])
         joined = _with_parts_of_seconds(lines, layout.delimiter, k, headers) if timed else None
         if joined is not None:
@@ -541,6 +576,7 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str, 
         delimiter=layout.delimiter,
         marks=marks,
         scale=next((scale for line in remarks if line != header and (scale := scale_in(line))), ""),
+        rate=sample_time_in(remarks, [split_cells(line, layout.delimiter) for line in above]),
         ended=ended,
         left_out=left_out,
     )
@@ -559,6 +595,28 @@ def _with_hours(lines: list[str], mark: str, column: int, headers: Sequence[str]
     found = [_OF_DAY.fullmatch(" ".join(row)) for row in cells]
     times = [f"{row[1]}:{row[2]:0>2}:{'0' * (row[3][1:2] in ('', '.', ','))}{row[3]}" for row in found if row]
     return _with_cells(lines, mark, column, [row[-1] for row in cells], times) if len(times) == len(lines) else None
+
+
+def _with_minutes(lines: list[str], mark: str, column: int, headers: Sequence[str]) -> list[str] | None:
+    """Return lines in which seconds have the minutes from the column before, on past the hour; None if these hold no such.
+
+    >>> _with_minutes(["59,59.98", "0,0", "0,0.02"], ",", 1, ["min", "s"])
+    ['59,0:59:59.98', '0,1:00:00.0', '0,1:00:00.02']
+    """
+    last_words = (re.split(r"[\W_]+", header.strip("()[] "))[-1] for header in headers[column - 1 : column + 1])
+    if not _MINUTES.fullmatch(" ".join(last_words).lower()):
+        return None
+    cells = [split_cells(line, mark)[column - 1 : column + 1] for line in lines]
+    found = [row for row in (_OF_HOUR.fullmatch(" ".join(pair)) for pair in cells) if row]
+    if len(found) < len(lines):
+        return None
+    minutes = [int(row[1]) for row in found]
+    hours = accumulate((after < before - 30 for before, after in pairwise(minutes)), initial=0)
+    times = [
+        f"{hour + minute // 60}:{minute % 60:02d}:{row[2]:0>2}.{row[3] or 0}"
+        for hour, minute, row in zip(hours, minutes, found, strict=True)
+    ]
+    return _with_cells(lines, mark, column, [row[-1] for row in cells], times)
 
 
 def _with_parts_of_seconds(lines: list[str], mark: str, column: int, headers: Sequence[str]) -> list[str] | None:

@@ -850,3 +850,60 @@ def test_a_second_block_of_labelled_lines_is_named(tmp_path: Path) -> None:
         DataError, match=rf"row {len(lines) + 8}: other signals begin here; give each block of signals a"
     ):
         read_recording(tmp_path / "r.csv", input_column="#2", output_column="#3")
+
+
+@pytest.mark.parametrize("names", ["min,s", "Minute,Second", "t_min,t_sec"])
+def test_minutes_and_seconds_are_one_time(tmp_path: Path, names: str) -> None:
+    """From 59 min 59.5 s on past the hour."""
+    since = [3599.5 + t for t in T]
+    rows = zip([int(t // 60) % 60 for t in since], [f"{t % 60:.3f}" for t in since], U, Y, strict=True)
+    text = "".join(f"{minute},{second},{u},{y}\n" for minute, second, u, y in rows)
+    (tmp_path / "r.csv").write_text(f"{names},u_V,y_mm\n{text}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert found.sample_time == pytest.approx(DT, rel=1e-12) and found.n_samples == len(T)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Time (s),Actuator,\n,u (V),y (mm)",
+        "Time,Drive,Laser\ns,u_V,y_mm",
+        "Time,Actuator,\n(s),u (V),y (mm)",
+    ],
+)
+def test_the_name_of_the_times_may_stand_one_line_above(tmp_path: Path, head: str) -> None:
+    """As a spreadsheet writes merged cells."""
+    (tmp_path / "r.csv").write_text(f"{head}\n{plain()}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="#2", output_column="#3")
+    assert found.sample_time == pytest.approx(DT)
+    np.testing.assert_allclose(found.inputs[0], U, rtol=1e-9)
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("remark", "said"),
+    [
+        ("# Sample rate: 50 Hz", "Sample rate: 50 Hz"),
+        ("Sampling interval,20ms", "Sampling interval,20ms"),
+        ("Sample Rate (kS/s),0.05", "Sample Rate (kS/s),0.05"),
+        ("% dt = 0.02", "dt = 0.02"),
+        ("Abtastfrequenz: 50 1/s", "Abtastfrequenz: 50"),
+        ("# fs = 50", "fs = 50"),
+        ("# sample time 12:30, dt of fs", ""),
+        ("# sample 12 of 50 Hz", ""),
+    ],
+)
+def test_a_rate_above_the_samples_is_offered(tmp_path: Path, remark: str, said: str) -> None:
+    (tmp_path / "r.csv").write_text(f"{remark}\nu_V,y_mm\n" + table(U, Y), encoding="utf-8")
+    with pytest.raises(DataError, match=r"the file says|if the file holds no times, give the sample time") as caught:
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert (f'the file says "{said}"' in str(caught.value)) == bool(said)
+    assert caught.value.offers.dt == (pytest.approx(DT) if said else None)
+
+
+def test_the_increment_of_an_oscilloscope_is_offered(tmp_path: Path) -> None:
+    rows = "".join(f"{k},{u},{y},\n" for k, (u, y) in enumerate(zip(U, Y, strict=True)))
+    head = "X,CH1,CH2,Start,Increment\nSequence,Volt,Volt,-6.0e-03,2.0e-02\n"
+    (tmp_path / "r.csv").write_text(head + rows, encoding="utf-8")
+    with pytest.raises(DataError, match=r'the file says "Increment = 2\.0e-02"; .* --dt 0\.02, in Python dt=0\.02'):
+        read_recording(tmp_path / "r.csv", input_column="CH1", output_column="CH2")

@@ -439,7 +439,7 @@ def test_a_remark_behind_the_unit_belongs_to_the_name_and_a_factor_leaves_the_un
             'row 1: "time_s" and its samples run along the row; give each signal a column, in Python with DataFrame.T',
         ),
         (
-            ["minute,second,command_V,displacement_mm"]
+            ["block,second,command_V,displacement_mm"]
             + [f"{k // 120},{0.5 * (k % 120):.1f},{k % 7},{k % 5}" for k in range(200)],
             "row 122: .* the seconds of a minute begin again: write hours, minutes and seconds in one column",
         ),

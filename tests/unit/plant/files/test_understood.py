@@ -180,7 +180,7 @@ def test_a_missing_file_is_told(tmp_path: Path) -> None:
     [
         ("time_s,u,y", ["0,1,2", "0.1,2,inf", "0.2,3,4", "0.3,1,2"], 'row 3, column "y"'),
         ("time_s,u,y", ["0,1,2", "0.1,2,3", "0.2,OVER,4", "0.3,1,2"], 'row 4, column "u": "OVER"'),
-        ("time_s;u;y", ["0;1,5;2", "0,1;2,5;3", "0,2;1.003,5;4", "0,3;1,5;2"], 'row 4, column "u": "1.003,5"'),
+        ("time_s;u;y", ["0;1,5;2", "0,1;2,5;3", "0,2;1.03,5;4", "0,3;1,5;2"], 'row 4, column "u": "1.03,5"'),
     ],
 )
 def test_a_bad_cell_does_not_hide_its_column(tmp_path: Path, header: str, rows: list[str], fault: str) -> None:

@@ -83,6 +83,7 @@ class Table(ABC):
     delimiter: str = ","
     marks: tuple[float, ...] = ()  # Numbers that mark missing values, as the file says
     scale: str = ""  # Scale or factor in a remark of the file, which is not applied
+    rate: tuple[str, float] | None = None  # Remark of the file on its sample time, and this time, s
     left_out: str = ""  # Last row if it was left out because the file breaks off within it, and how that shows
 
     @abstractmethod
