@@ -32,6 +32,7 @@ _ROUNDED_STEPS = 0.1  # Least share of unusual steps if the times are rounded
 _AGREE = 0.0025  # Distance from the even clock, in samples, up to which a start is kept as in the file
 _FEW_GAPS = 3  # Number of gaps that a record of any length may have
 _GAP = 1.6  # Step above which there is a gap, in samples
+_AS_GOOD = 2.0  # Ratio of largest distances from two even clocks up to which one fits as well as the other
 _FULL = 1e-4  # Relative difference from the size of a counter at which times that fall tell its overflow
 _SLACK = 1.1  # Factor on the tolerance, because rounded times move the fitted clock a little
 
@@ -191,9 +192,14 @@ def _sample_time(
     """Return the sample time of all pieces: the stated one, else the usual step, else a fitted one."""
     ranks = np.concatenate([np.arange(last - first) - 0.5 * (last - first - 1) for first, last in runs])
     fitted = float(ranks @ timepts / (ranks @ ranks)) if ranks.any() else usual
-    for step in (stated,) if stated else (float(f"{usual:.9g}"), fitted):
-        late = np.concatenate([_off_clock(timepts[first:last], step) for first, last in runs])
-        if late.max() <= tolerance:
+    late = np.concatenate([_off_clock(timepts[first:last], stated or fitted) for first, last in runs])
+    if stated and late.max() <= tolerance:
+        return stated
+    # The median of rounded steps is up to a digit off; then a step of few digits fits as well as the fitted one.
+    steps = (float(f"{usual:.9g}"), *(float(f"{fitted:.{digits}g}") for digits in range(1, 9)), fitted)
+    for step in () if stated else steps:
+        off = max(_off_clock(timepts[first:last], step).max() for first, last in runs)
+        if off <= tolerance and (step == fitted or off <= _AS_GOOD * late.max() + 1e-9 * usual):
             return step
     sample = int(np.argmax(late))
     if stated:

@@ -74,3 +74,13 @@ def test_a_counter_that_begins_again_is_named(bits: int, rate: float) -> None:
     with pytest.raises(DataError, match=f"the counter of the times began again at 0: add {size:.10g} s from there on"):
         even_pieces(times, str, allow_gaps=False)
     even_pieces(np.where(times < 2.0, times + size, times), str, allow_gaps=False)
+
+
+@pytest.mark.parametrize(("unit", "decimals"), [(60.0, 9), (60.0, 7), (3600.0, 11), (1.0, 9)])
+@pytest.mark.parametrize("step", [0.02, 0.0125, 1.0 / 3.0])
+def test_the_step_of_times_rounded_in_another_unit_is_exact(unit: float, decimals: int, step: float) -> None:
+    """Each step differs from the true one by up to a digit of its unit, all steps together by no more."""
+    timepts = np.round(np.arange(600) * step / unit, decimals) * unit
+    found, _ = even_pieces(timepts, str, allow_gaps=False)
+    digit = 10.0**-decimals * unit
+    assert abs(found - step) <= (1e-12 * step if step != 1.0 / 3.0 else digit / 600)
