@@ -57,6 +57,7 @@ def time_column(
     fields = [column for column in likely if _plain(_field(table.names[column])) in (*TIME_NAMES, *_STAMP_NAMES)]
     inner = [column for column in fields if needed and holds_times(table, column)]
     dated = [column for column in likely if not table.headers[column] and _is_dated(table, column)]
+    dated = dated or [k for k in likely if needed and _is_dated(table, k) and holds_times(table, k)]
     first = [0] if needed and is_nameless(table) and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
     found = usual or named or stamped or timed or inner or dated or first
     groups = {_group(table.names[column]) for column in taken}

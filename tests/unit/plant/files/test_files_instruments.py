@@ -907,3 +907,24 @@ def test_the_increment_of_an_oscilloscope_is_offered(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text(head + rows, encoding="utf-8")
     with pytest.raises(DataError, match=r'the file says "Increment = 2\.0e-02"; .* --dt 0\.02, in Python dt=0\.02'):
         read_recording(tmp_path / "r.csv", input_column="CH1", output_column="CH2")
+
+
+@pytest.mark.parametrize("name", ["r.mpt", "r.sto", "r.xls", "r.lvm", "r.001", "r"])
+def test_a_table_of_text_is_read_under_any_name(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text(f"time_s\tu_V\ty_mm\n{plain(mark=chr(9))}", encoding="utf-8")
+    found = read_recording(tmp_path / name, input_column="u_V", output_column="y_mm")
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-9)
+
+
+def test_what_is_no_table_under_an_unknown_name_is_refused_for_its_name(tmp_path: Path) -> None:
+    for name, content in (("r.foo", b"no table\n"), ("r.foo", bytes(range(256))), ("r.parquet", b"PAR1" + bytes(64))):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(DataError, match=r"files with the extension \.\w+ cannot be read"):
+            read_recording(tmp_path / name)
+
+
+def test_dates_are_the_times_whatever_their_name(tmp_path: Path) -> None:
+    rows = [f"2024-03-14 12:00:{t:06.3f},{u},{y}\n" for t, u, y in zip(T, U, Y, strict=True)]
+    (tmp_path / "r.csv").write_text("created_at,u_V,y_mm\n" + "".join(rows), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert found.sample_time == pytest.approx(DT) and found.provenance["clock_began"].startswith("2024-03-14T12:00:00")

@@ -17,7 +17,7 @@ import numpy as np
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvcells import is_number, split_cells
-from deatwin.plant.files.csvtable import CsvTable, read_bytes
+from deatwin.plant.files.csvtable import CsvTable, read_bytes, read_table
 from deatwin.plant.files.csvtext import decode, lacks_cells
 from deatwin.plant.files.dates import moment
 from deatwin.plant.files.formats.table import Declared, Timing
@@ -57,10 +57,8 @@ def read_lvm(path: str | Path) -> CsvTable:
     text = decode(content, name)
     text = text.removesuffix("\0")
     lines = text.splitlines()
-    if not lines or not lines[0].startswith(_MAGIC):
-        raise DataError(
-            f'{name}: not a LabVIEW measurement file: it does not begin with "{_MAGIC}"; if it is a plain table, change its ending to .txt'
-        )
+    if not lines or not lines[0].startswith(_MAGIC):  # LabVIEW also writes the numbers alone
+        return read_table(path)
     separator, about = _file_header(lines, name)
     segments = _segments(lines, separator, about, name)
     first = segments[0]
