@@ -108,6 +108,7 @@ _NO_PATHS = {
     "*": "; give the files one by one, in Python with pathlib.Path.glob",
 }
 """Marks of what a shell or a browser knows, and what to give in its place."""
+_TRUTH = {"true": 1.0, "false": 0.0}  # Numbers of the words that PLCs and spreadsheets write
 _ALIKE = 3  # Number of rows that show how many digits numbers have
 _PIECE = 50_000  # Number of lines that are split at a time
 
@@ -229,6 +230,9 @@ class CsvTable(Table):
     def _numbers(self, column: int, cells: list[str]) -> NDArray[np.float64] | None:
         """Return a column (n,) in SI units, dates in seconds since the first; None unless all are finite numbers."""
         scale = self.scales.get(column)
+        if not scale and cells and cells[0].strip().lower() in _TRUTH:
+            words = [cell.strip().lower() for cell in cells]
+            return np.array([_TRUTH[word] for word in words]) if _TRUTH.keys() >= set(words) else None
         try:
             found = np.asarray(scale.seconds(cells) if scale else si_values(cells, self.unit(column)), dtype=np.float64)
         except (ValueError, TypeError, ArithmeticError):  # ArithmeticError: outside the range of Decimal
@@ -346,6 +350,8 @@ class CsvTable(Table):
                         return DataError(f"{place}: {fault}")
                     cell = cell.removesuffix(scale.behind).strip()
                 if self._dated(column):
+                    continue
+                if cell.lower() in _TRUTH and next(self.texts(column)).strip().lower() in _TRUTH:
                     continue
                 if cell.startswith("="):
                     return DataError(f"{place}: {formula(cell)}")

@@ -928,3 +928,17 @@ def test_dates_are_the_times_whatever_their_name(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("created_at,u_V,y_mm\n" + "".join(rows), encoding="utf-8")
     found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
     assert found.sample_time == pytest.approx(DT) and found.provenance["clock_began"].startswith("2024-03-14T12:00:00")
+
+
+@pytest.mark.parametrize("words", [("TRUE", "FALSE"), ("True", "False"), ("true", "false")])
+def test_words_of_truth_are_numbers(tmp_path: Path, words: tuple[str, str]) -> None:
+    """The command of a valve, as PLCs and spreadsheets write it."""
+    opened = [k % 3 == 0 for k in range(len(T))]
+    rows = [f"{t:.2f},{words[0] if one else words[1]},{y}\n" for t, one, y in zip(T, opened, Y, strict=True)]
+    (tmp_path / "r.csv").write_text("time_s,valve,y_mm\n" + "".join(rows), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="valve", output_column="y_mm")
+    np.testing.assert_array_equal(found.inputs[0], opened)
+    rows[7] = rows[7].replace(words[0], "error").replace(words[1], "error")
+    (tmp_path / "r.csv").write_text("time_s,valve,y_mm\n" + "".join(rows), encoding="utf-8")
+    with pytest.raises(DataError, match='row 9, column "valve": "error" is not a number'):
+        read_recording(tmp_path / "r.csv", input_column="valve", output_column="y_mm")
