@@ -538,6 +538,8 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str, 
     if layout.head and header in lines and any(map(_is_time, names, units)):
         kept = [k for k, line in enumerate(lines) if line not in above]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
+    if not lines:
+        raise DataError(f"{name}: the file has a header but no samples")
     # A remark at the end is no sample.
     while len(lines) > 1 < len(headers) and layout.delimiter not in lines[-1] and kind_of_cell(lines[-1]) == "text":
         lines, rows = lines[:-1], rows[:-1]

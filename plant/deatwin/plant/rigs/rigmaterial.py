@@ -203,6 +203,8 @@ def material_remarks(section: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ..
 def _base(reader: _Reader) -> tuple[Material, Callable[..., Symbol]] | None:
     """Return the published material with the section's name, or an unknown one, and the energy."""
     name, energy = reader.text("name"), reader.text("energy")
+    if any(key in reader.section and not text for key, text in (("name", name), ("energy", energy))):
+        return None  # told already
     if name in MATERIALS and not energy:
         return MATERIALS[name], MATERIALS[name].energy
     if not energy:

@@ -222,6 +222,12 @@ def test_a_file_that_breaks_off_within_a_character_is_read(tmp_path: Path, encod
     np.testing.assert_allclose(found.outputs[0][:40], 1e-6 * Y, rtol=1e-12)
 
 
+def test_remarks_alone_are_no_samples(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("#run,,0,2.3,2.8\n", encoding="utf-8")
+    with pytest.raises(DataError, match="the file has a header but no samples"):
+        read_recording(tmp_path / "r.csv", input_column="#2", output_column="#3")
+
+
 def test_only_the_last_row_may_lack_cells(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("\n".join([HEAD, *ROWS[:9], "0.18,0.1", *ROWS[10:]]), encoding="utf-8")
     with pytest.raises(DataError, match=r"row 11, .*: there is no value; .* --allow-gaps"):

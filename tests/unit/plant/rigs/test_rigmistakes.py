@@ -380,3 +380,13 @@ def test_an_elastomer_of_another_stiffness_or_density_is_warned_of(line: str, at
     remarks = remarks_of({"material": material})
     assert [remark.where for remark in remarks] == ([f"[material] {at}"] if at else [])
     assert all(remark.text.endswith(told) for remark in remarks)
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"), [({"name": 1}, "1 is a number; it must be text"), ({"name": ""}, "text in quotes")]
+)
+def test_a_name_of_a_material_that_is_no_text_is_one_mistake(entry: dict, said: str) -> None:
+    film = {key: value for key, value in SOUND["film"].items() if key != "material"}
+    with pytest.raises(RigError, match=said) as caught:
+        RigFile.from_dict({**SOUND, "film": film, "material": entry}, "a rig")
+    assert "mistakes" not in str(caught.value)
