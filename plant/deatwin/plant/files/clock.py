@@ -32,7 +32,7 @@ _ROUNDED_STEPS = 0.1  # Least share of unusual steps if the times are rounded
 _AGREE = 0.0025  # Distance from the even clock, in samples, up to which a start is kept as in the file
 _FEW_GAPS = 3  # Number of gaps that a record of any length may have
 _GAP = 1.6  # Step above which there is a gap, in samples
-_AS_GOOD = 2.0  # Ratio of largest distances from two even clocks up to which one fits as well as the other
+_SIGNIFICANT = 4.0  # Number of standard errors from which a step differs from the fitted one
 _FULL = 1e-4  # Relative difference from the size of a counter at which times that fall tell its overflow
 _SLACK = 1.1  # Factor on the tolerance, because rounded times move the fitted clock a little
 
@@ -189,18 +189,15 @@ def _sample_time(
     where: Callable[[int], str],
     stated: float | None,
 ) -> float:
-    """Return the sample time of all pieces: the stated one, else the usual step, else a fitted one."""
+    """Return the sample time of all pieces: the stated one, else a fitted one, else the usual step."""
     ranks = np.concatenate([np.arange(last - first) - 0.5 * (last - first - 1) for first, last in runs])
-    fitted = float(ranks @ timepts / (ranks @ ranks)) if ranks.any() else usual
+    since = timepts - timepts[0]
+    fitted = float(ranks @ since / (ranks @ ranks)) if ranks.any() else usual
     late = np.concatenate([_off_clock(timepts[first:last], stated or fitted) for first, last in runs])
-    if stated and late.max() <= tolerance:
-        return stated
-    # The median of rounded steps is up to a digit off; then a step of few digits fits as well as the fitted one.
-    steps = (float(f"{usual:.9g}"), *(float(f"{fitted:.{digits}g}") for digits in range(1, 9)), fitted)
-    for step in () if stated else steps:
-        off = max(_off_clock(timepts[first:last], step).max() for first, last in runs)
-        if off <= tolerance and (step == fitted or off <= _AS_GOOD * late.max() + 1e-9 * usual):
-            return step
+    if late.max() <= tolerance:
+        return stated or _with_few_digits(fitted, since, ranks, runs)
+    if not stated and max(_off_clock(timepts[first:last], usual).max() for first, last in runs) <= tolerance:
+        return float(f"{usual:.9g}")
     sample = int(np.argmax(late))
     if stated:
         raise DataError(
@@ -213,6 +210,14 @@ def _sample_time(
         f"from even times every {fitted:g} s (tolerance {tolerance:.2g} s); {_advice(options)}",
         options or NO_OPTIONS,
     )
+
+
+def _with_few_digits(fitted: float, since: Floats, ranks: Floats, runs: list[tuple[int, int]]) -> float:
+    """Return the step of fewest digits that does not differ significantly from the fitted one, which is off by rounding."""
+    rest = np.concatenate([since[first:last] - since[first:last].mean() for first, last in runs]) - fitted * ranks
+    error = _SIGNIFICANT * float(np.sqrt((rest @ rest) / len(rest) / max(ranks @ ranks, 1.0)))
+    short = (float(f"{fitted:.{digits}g}") for digits in range(1, 12))
+    return next((step for step in short if abs(step - fitted) <= error + 1e-12 * fitted), fitted)
 
 
 def _off_clock(timepts: Floats, step: float) -> Floats:

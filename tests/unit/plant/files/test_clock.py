@@ -84,3 +84,17 @@ def test_the_step_of_times_rounded_in_another_unit_is_exact(unit: float, decimal
     found, _ = even_pieces(timepts, str, allow_gaps=False)
     digit = 10.0**-decimals * unit
     assert abs(found - step) <= (1e-12 * step if step != 1.0 / 3.0 else digit / 600)
+
+
+def test_the_step_of_large_times_is_not_that_of_their_last_bits() -> None:
+    """Seconds since 1904, as LabVIEW counts: a float holds them to half a microsecond."""
+    found, _ = even_pieces(3793262400.0 + 0.02 * np.arange(500), str, allow_gaps=False)
+    assert found == pytest.approx(0.02, rel=1e-9)
+
+
+@pytest.mark.parametrize("step", [0.02, 0.0200013, 0.0123456])
+def test_the_step_of_times_with_jitter_is_the_fitted_one(step: float) -> None:
+    """The fitted slope of n times with an error of s has the standard error s sqrt(12 / n^3)."""
+    rng, count, jitter = np.random.default_rng(7), 400, 1e-4
+    found, _ = even_pieces(step * np.arange(count) + jitter * rng.uniform(-1.0, 1.0, count), str, allow_gaps=False)
+    assert abs(found - step) < 5.0 * jitter / 3.0**0.5 * (12.0 / count**3) ** 0.5
