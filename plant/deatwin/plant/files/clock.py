@@ -215,7 +215,7 @@ def _sample_time(
 def _with_few_digits(fitted: float, since: Floats, ranks: Floats, runs: list[tuple[int, int]]) -> float:
     """Return the step of fewest digits that does not differ significantly from the fitted one, which is off by rounding."""
     rest = np.concatenate([since[first:last] - since[first:last].mean() for first, last in runs]) - fitted * ranks
-    error = _SIGNIFICANT * float(np.sqrt((rest @ rest) / len(rest) / max(ranks @ ranks, 1.0)))
+    error = _SIGNIFICANT * float(np.sqrt(np.mean(rest**2) / max(float(ranks @ ranks), 1.0)))
     short = (float(f"{fitted:.{digits}g}") for digits in range(1, 12))
     return next((step for step in short if abs(step - fitted) <= error + 1e-12 * fitted), fitted)
 

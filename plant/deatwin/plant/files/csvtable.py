@@ -144,8 +144,8 @@ class CsvTable(Table):
         except IndexError:
             texts = self._of_short_rows(rows, columns, missing)
         plain = [k for k, column in enumerate(columns) if not self._dated(column)]
-        whole = _without_thousands([texts[k] for k in plain])
-        numbers = self._with_decimal_points([columns[k] for k in plain], whole)
+        bare = _without_thousands([texts[k] for k in plain])
+        numbers = self._with_decimal_points([columns[k] for k in plain], bare)
         for k, cells in zip(plain, numbers, strict=True):
             texts[k] = cells
         values = [self._numbers(column, cells) for column, cells in zip(columns, texts, strict=True)]

@@ -41,9 +41,9 @@ def sample_time_in(lines: Sequence[str], cells: Iterable[Sequence[str]] = ()) ->
     pairs = [(row[0], row[1]) for row in rows if len(row) == 2]
     pairs += [pair for above, below in pairwise(rows) for pair in zip(above, below, strict=False)]
     for name, number in pairs:
-        found = _STATED.fullmatch(f"{name} = {number}") if is_number(number) else None
-        if found and (step := _step(found)) is not None:
-            return found[0], step
+        whole = _STATED.fullmatch(f"{name} = {number}") if is_number(number) else None
+        if whole and (step := _step(whole)) is not None:
+            return whole[0], step
     return None
 
 
