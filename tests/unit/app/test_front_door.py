@@ -204,7 +204,7 @@ FILES = {
     "fake.zip": "not a recording",
     "fake.xlsx": "not a recording",
     "nameless.csv": table("time_s,command_V"),
-    "name.csv": table('time_s,command_V,"displacement\n(mm)"'),
+    "name.csv": table('time_s,"command_V,displacement_mm'),
     "blank.csv": "",
     "modal.txt": "    -1\n    58\nforce\n    -1\n",
     "rates.csv": "t1_s,command_V,t2_s,y\n"

@@ -41,6 +41,7 @@ from deatwin.plant.files.csvtext import (
     require_no_settings,
     require_whole_numbers,
     with_name_of_rows,
+    with_whole_names,
     without_index_line,
     without_label_column,
     without_labels,
@@ -501,7 +502,8 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str, 
         raise DataError(
             f"{name}: this is a universal file (data set {clipped(lines[1].strip())}), which cannot be read; export columns of text"
         )
-    lines, rows = without_label_column(*without_index_line(with_name_of_rows(lines), rows), name)
+    lines, rows = with_whole_names(with_name_of_rows(lines), rows)
+    lines, rows = without_label_column(*without_index_line(lines, rows), name)
     last_row = rows[-1]
     lines, rows = without_labels(lines, rows, name)
     left_out = "" if rows[-1] == last_row else f"the file breaks off within row {last_row}"

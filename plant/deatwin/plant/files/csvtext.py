@@ -61,6 +61,7 @@ _FAR_APART = re.compile(r"\s{2,}|\t")
 _LABELLED = re.compile(r'"?(?<![^\s,;{"])([^\W\d][^":=,;\t{}]{0,60}?)"?\s?[:=]\s?("[^"]*"|[^\s",;{}]+)')
 """Name and value in one cell, as Arduino's plotter and JSON write them."""
 _WIDE = 2000  # Number of characters of a line from which it is no such row
+_WRAPPED = 60  # Largest number of lines over which the names of one line may be wrapped
 _MANY = 10  # Number of rows that must repeat the names, if the file has as many
 
 
@@ -239,6 +240,22 @@ def _labelled(line: str) -> list[tuple[str, str]]:
     return [] if not named or _LABELLED.sub("", line).strip(" ,;\t{}") else _LABELLED.findall(line)
 
 
+def with_whole_names(lines: list[str], rows: Sequence[int]) -> tuple[list[str], Sequence[int]]:
+    """Return lines and rows in which quoted names with line breaks, as spreadsheets write wrapped cells, stand on one line.
+
+    >>> with_whole_names(['"time', '(s)","u (V)"', '0,1', '1,"2'], [1, 2, 3, 4])
+    (['"time (s)","u (V)"', '0,1', '1,"2'], [2, 3, 4])
+    """
+    first = next((k for k, line in enumerate(lines[:_HEAD]) if line.count('"') % 2), None)
+    if first is None:
+        return lines, rows
+    last = next((k for k in range(first + 1, min(first + _WRAPPED, len(lines))) if lines[k].count('"') % 2), first)
+    whole = " ".join(map(str.strip, lines[first : last + 1]))
+    if last == first or any(holds_number(split_cells(whole, mark)) for mark in _DELIMITERS):
+        return lines, rows
+    return with_whole_names([*lines[:first], whole, *lines[last + 1 :]], [*rows[:first], *rows[last:]])
+
+
 def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str], Sequence[int]]:
     """Return lines and rows of a table of pandas without the line that names only its index, below several names.
 
@@ -250,6 +267,9 @@ def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str]
             continue
         delimiter, count = found[2][0], len(found[2])
         cells = [split_cells(other, delimiter) for other in lines[: k + 2]]
+        labelled = found[1].strip() and not cells[k + 1][0] and holds_number(cells[k + 1])
+        if labelled and not any(map(holds_number, cells[:k])):  # a line of remarks, without any, and no settings above
+            return without_index_line([*lines[:k], *lines[k + 1 :]], [*rows[:k], *rows[k + 1 :]])
         above = next(
             (j for j in range(k, 0, -1) if lines[j - 1].count(delimiter) != count or holds_number(cells[j - 1])), 0
         )
@@ -544,7 +564,7 @@ def _no_layout(lines: list[str], rows: Sequence[int], delimiter: str, path: str)
     advice = grouped(lines[k], delimiter) or (
         "; a comma cannot be both delimiter and decimal sign: separate the cells by semicolons or tabs"
         if commas
-        else "; a quoted name contains a line break: write all names on one line"
+        else "; a quotation mark among the names is not closed"
         if '"' in lines[k - 1] and lines[k - 1].count('"') % 2
         else "; each column needs a name of one word"
         if delimiter == BLANKS

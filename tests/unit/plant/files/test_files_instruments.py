@@ -942,3 +942,19 @@ def test_words_of_truth_are_numbers(tmp_path: Path, words: tuple[str, str]) -> N
     (tmp_path / "r.csv").write_text("time_s,valve,y_mm\n" + "".join(rows), encoding="utf-8")
     with pytest.raises(DataError, match='row 9, column "valve": "error" is not a number'):
         read_recording(tmp_path / "r.csv", input_column="valve", output_column="y_mm")
+
+
+def test_names_may_be_wrapped_within_quotes(tmp_path: Path) -> None:
+    """As a spreadsheet writes cells with line breaks."""
+    (tmp_path / "r.csv").write_text(f'"time\n(s)","u\n(V)","y\nof laser\n(mm)"\n{plain()}', encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u (V)", output_column="y of laser (mm)")
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-9)
+    assert found.provenance["rows"] == f"6-{5 + len(T)}"
+
+
+def test_a_line_of_remarks_may_be_empty_behind_its_label(tmp_path: Path) -> None:
+    """As Origin labels the lines of its header."""
+    rows = "".join(f",{line}\n" for line in plain().splitlines())
+    (tmp_path / "r.csv").write_text(f"Long Name,Time,u,y\nUnits,s,V,mm\nComments,,,\n{rows}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u", output_column="y")
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-9)
