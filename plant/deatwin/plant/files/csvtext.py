@@ -268,8 +268,9 @@ def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str]
         delimiter, count = found[2][0], len(found[2])
         cells = [split_cells(other, delimiter) for other in lines[: k + 2]]
         labelled = found[1].strip() and not cells[k + 1][0] and holds_number(cells[k + 1])
-        if labelled and not any(map(holds_number, cells[:k])):  # a line of remarks, without any, and no settings above
-            return without_index_line([*lines[:k], *lines[k + 1 :]], [*rows[:k], *rows[k + 1 :]])
+        if labelled and not any(map(holds_number, cells[:k])):  # lines of remarks, without any, and no settings above
+            first = next((j + 1 for j in range(k - 1, -1, -1) if not _INDEX_LINE.fullmatch(lines[j])), 0)
+            return [*lines[:first], *lines[k + 1 :]], [*rows[:first], *rows[k + 1 :]]
         above = next(
             (j for j in range(k, 0, -1) if lines[j - 1].count(delimiter) != count or holds_number(cells[j - 1])), 0
         )

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from deatwin.plant.files.csvcells import is_number
+from deatwin.plant.files.headers import LONGEST
 from deatwin.plant.files.units import UNITS, find_unit
 
 _RATE = (
@@ -33,7 +34,7 @@ def sample_time_in(lines: Sequence[str], cells: Iterable[Sequence[str]] = ()) ->
     ('Increment = 2e-3', 0.002)
     >>> sample_time_in(["# sample time: 12:30", "# fs, 50 samples of dt"])
     """
-    for line in lines:
+    for line in (line for line in lines if len(line) <= LONGEST):
         for found in _STATED.finditer(line):
             if (step := _step(found)) is not None:
                 return found[0].strip(), step
