@@ -32,7 +32,8 @@ _ROUNDED_STEPS = 0.1  # Least share of unusual steps if the times are rounded
 _AGREE = 0.0025  # Distance from the even clock, in samples, up to which a start is kept as in the file
 _FEW_GAPS = 3  # Number of gaps that a record of any length may have
 _GAP = 1.6  # Step above which there is a gap, in samples
-_SIGNIFICANT = 4.0  # Number of standard errors from which a step differs from the fitted one
+_AS_GOOD = 1.25  # Ratio of the largest distances from two even clocks up to which one fits as well as the other
+_EXACT = 1e-9  # Distance from the even clock, in samples, that is none
 _FULL = 1e-4  # Relative difference from the size of a counter at which times that fall tell its overflow
 _SLACK = 1.1  # Factor on the tolerance, because rounded times move the fitted clock a little
 
@@ -195,7 +196,7 @@ def _sample_time(
     fitted = float(ranks @ since / (ranks @ ranks)) if ranks.any() else usual
     late = np.concatenate([_off_clock(timepts[first:last], stated or fitted) for first, last in runs])
     if late.max() <= tolerance:
-        return stated or _with_few_digits(fitted, since, ranks, runs)
+        return stated or _with_few_digits(fitted, float(late.max()), timepts, runs)
     if not stated and max(_off_clock(timepts[first:last], usual).max() for first, last in runs) <= tolerance:
         return float(f"{usual:.9g}")
     sample = int(np.argmax(late))
@@ -212,12 +213,16 @@ def _sample_time(
     )
 
 
-def _with_few_digits(fitted: float, since: Floats, ranks: Floats, runs: list[tuple[int, int]]) -> float:
-    """Return the step of fewest digits that does not differ significantly from the fitted one, which is off by rounding."""
-    rest = np.concatenate([since[first:last] - since[first:last].mean() for first, last in runs]) - fitted * ranks
-    error = _SIGNIFICANT * float(np.sqrt(np.mean(rest**2) / max(float(ranks @ ranks), 1.0)))
-    short = (float(f"{fitted:.{digits}g}") for digits in range(1, 12))
-    return next((step for step in short if abs(step - fitted) <= error + 1e-12 * fitted), fitted)
+def _with_few_digits(fitted: float, late: float, timepts: Floats, runs: list[tuple[int, int]]) -> float:
+    """Return the step of fewest digits whose clock fits as well as the fitted one, from which times are up to `late` off.
+
+    Recordings of one clock then have one sample time, although rounding and jitter differ.
+    """
+    for step in (float(f"{fitted:.{digits}g}") for digits in range(1, 12)):
+        off = max(_off_clock(timepts[first:last], step).max() for first, last in runs)
+        if off <= _AS_GOOD * late + _EXACT * fitted:
+            return step
+    return fitted
 
 
 def _off_clock(timepts: Floats, step: float) -> Floats:

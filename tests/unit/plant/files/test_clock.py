@@ -93,8 +93,16 @@ def test_the_step_of_large_times_is_not_that_of_their_last_bits() -> None:
 
 
 @pytest.mark.parametrize("step", [0.02, 0.0200013, 0.0123456])
-def test_the_step_of_times_with_jitter_is_the_fitted_one(step: float) -> None:
-    """The fitted slope of n times with an error of s has the standard error s sqrt(12 / n^3)."""
+def test_the_step_of_times_with_jitter_is_off_by_no_more_than_the_jitter(step: float) -> None:
+    """The clock is at both ends up to 2.25 times the jitter off: 1.25 times with the step of few digits, and once more with jitter."""
     rng, count, jitter = np.random.default_rng(7), 400, 1e-4
     found, _ = even_pieces(step * np.arange(count) + jitter * rng.uniform(-1.0, 1.0, count), str, allow_gaps=False)
-    assert abs(found - step) < 5.0 * jitter / 3.0**0.5 * (12.0 / count**3) ** 0.5
+    assert abs(found - step) <= 2.25 * jitter / (count / 2.0)
+
+
+def test_recordings_of_one_clock_have_one_step_although_their_jitter_differs() -> None:
+    steps = set()
+    for seed in range(10):
+        jitter = np.random.default_rng(seed).uniform(-1e-4, 1e-4, 400)
+        steps.add(even_pieces(0.02 * np.arange(400) + jitter, str, allow_gaps=False)[0])
+    assert steps == {0.02}
