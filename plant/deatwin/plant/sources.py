@@ -12,7 +12,6 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, RigError, nearest
 from deatwin.plant.foreign.modelfile import ModelFile
 from deatwin.plant.imported import RAISED, imported
-from deatwin.plant.material import material
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.bow_tie import BowTie
 from deatwin.plant.rigs.cone import Cone
@@ -85,10 +84,6 @@ def read_described(source: str) -> RigFile | ModelFile:
 def _of_file(described: RigFile | ModelFile) -> CalibratedPlant:
     if isinstance(described, ModelFile):
         return CalibratedPlant.nominal(described.read())
-    try:
-        material(described.material)
-    except RigError as error:
-        raise RigError(f"{described.source}, [film] material: {error}") from None
     try:
         kind = KINDS[described.kind]
         return CalibratedPlant.nominal(Plant(rig=kind.from_rig_file(described)))

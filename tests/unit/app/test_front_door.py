@@ -119,7 +119,8 @@ DATED = (
 )
 FILES = {
     "good.csv": table(),
-    "lab.jsonl": '{"time_s": 0.1, "command_V": 2.0, "displacement_mm": 0.3}\n' * 12 + '{"time_s": 0.2}\n',
+    "lab.jsonl": '{"time_s": 0.1, "command_V": 2.0, "displacement_mm": 0.3}\n' * 12
+    + '{"time_s": 0.2}\n{"time_s": 0.3, "command_V": 2.0, "displacement_mm": 0.3}\n',
     "coarse.csv": "time_s,time_ms,command_V,displacement_mm\n"
     + "".join(f"{k // 50},{20 * k},2,0.3\n" for k in range(99)),
     "single.csv": "".join(f"{math.sin(k):.4f}\n" for k in range(40)),
@@ -149,14 +150,15 @@ FILES = {
     "hole.csv": table(row_8="0.12,,0.3"),
     "text.csv": table(row_8="0.12,off,0.3"),
     "over.csv": table(row_8="0.12,9.9E+37,0.3"),
-    "unfinished.csv": table().rstrip()[:-1],
     "minutes.csv": table("time,command_V,displacement_mm", samples=0)
     + "".join(f"14{k:02}00,{2 + math.sin(k):.4f},0.3\n" for k in range(40)),
     "factors.csv": table(HEADER + "\nx1,x1,x0.001"),
     "rows.csv": "time_s,0,0.1,0.2,0.3\ncommand_V,1,2,3,4\ndisplacement_mm,2,3,4,5\n",
     "timeless.csv": table(row_8=",2.0,0.3"),
     "short.csv": table(row_8="0.12"),
-    "broken.csv": table(row_41="0.78"),
+    "rated.csv": "# sample rate: 50 Hz\ncommand_V,displacement_mm\n" + "2,3\n1,4\n" * 9,
+    "blocks.csv": 2 * "trace_names,,u,x\nunit,s,V,mm\ntrace_values,0,1,2\n,0.1,2,3\n,0.2,3,4\n,0.3,4,5\n",
+    "untimed.csv": table("command_V,displacement_mm,time_s", row_8="2.0,0.3"),
     "long.csv": table(row_8="0.12,2.0,0.3,9"),
     "marks.csv": table(row_8="0.12,2_0,0.3"),
     "unsorted.csv": table(row_8="0.04,2.0,0.3"),
@@ -184,7 +186,6 @@ FILES = {
     "means.csv": table() + "Mean,1,2\n",
     "day.csv": table("time,command_V,displacement_mm", samples=0) + stamped("5/6/24 12:00:0{}"),
     "days.csv": table("time,command_V,displacement_mm", samples=0) + "5/6/24 23:59:59,1,2\n6/6/24 00:00:00,1,2\n",
-    "fake.lvm": table(),
     "bar.lvm": LVM.replace("Tab", "Bar"),
     "frequency.lvm": LVM.replace("Time\tTime\t", "Frequency\tFrequency\t"),
     "milli.lvm": LVM.replace("X_Dimension", "X_Unit_Label\tms\tms\t\nX_Dimension"),
@@ -203,7 +204,7 @@ FILES = {
     "fake.zip": "not a recording",
     "fake.xlsx": "not a recording",
     "nameless.csv": table("time_s,command_V"),
-    "name.csv": table('time_s,command_V,"displacement\n(mm)"'),
+    "name.csv": table('time_s,"command_V,displacement_mm'),
     "blank.csv": "",
     "modal.txt": "    -1\n    58\nforce\n    -1\n",
     "rates.csv": "t1_s,command_V,t2_s,y\n"
@@ -223,9 +224,9 @@ FILES = {
     "few.csv": table(samples=8),
     "high.csv": HEADER + "".join(f"\n{0.02 * k:.2f},{2 + 0.06 * k:.2f},0.3" for k in range(200)),
     "slow.csv": HEADER + "".join(f"\n{5 + 0.04 * k:.2f},{2 + math.sin(k):.4f},0.3" for k in range(40)),
-    "sums.csv": decimals("0,00;2,5", "0,02;1.002,5", "0,04;2,6"),
+    "sums.csv": decimals("0,00;2,5", "0,02;1.002,5", "0,04;2.6"),
     "thousands.csv": decimals(*(f"{k};2,{k:03}" for k in range(100, 140))),
-    "swiss.csv": decimals("0.00;2.5", "0.02;1'002.5", "0.04;2.6"),
+    "swiss.csv": decimals("0.00;2.5", "0.02;1'002 500.5", "0.04;2.6"),
     "settings.csv": decimals("Scale;0.005", *(f"{k};{k}" for k in range(40)), header="sample;command_V"),
     "mixed.csv": decimals("0,00;2,5", "0,02;2.5", "0,04;2,6"),
     "quoted.csv": table(row_8='0.12,"2.0\n",0.3'),
@@ -238,7 +239,7 @@ FILES = {
     "dated.csv": DATED % "soon" + table(),
     "later.csv": DATED % "later" + table(),
     "note.docx": "not a recording",
-    "bare": table(),
+    "bare": "no table\n",
     "fake.mat": "not a recording, whatever its name says" * 9,
     "fake.nc": "not a recording",
     "half.nc": "CDF\x01",
@@ -308,8 +309,7 @@ FILES = {
 }
 BYTES = {
     "binary.csv": bytes(range(256)),
-    "utf16.csv": table().encode("utf-16")[:-1],
-    "powerless.csv": table().rstrip()[:-1].encode() + bytes(64),
+    "utf16.csv": table().encode("utf-16")[:-2] + b"\x00\xd8\x00\x00",
     "half.csv.gz": gzip.compress(table().encode(), mtime=0)[:-20],
     "latin.toml": RIG.replace("VHB", "Élastomère").encode("latin-1"),
 }

@@ -233,9 +233,8 @@ def _left_over(findings: Findings) -> list[str]:
         return []
     unit, size = findings.unit
     left = max(findings.answer.fitted_test.size, findings.answer.unseen_test.size) / size
-    return [
-        f"the explanation leaves an error of {left:.3g} {written_unit(unit)} rms, more than the allowed model error"
-    ]
+    said = amount(f"{left:.3g}", written_unit(unit))
+    return [f"the explanation leaves an error of {said} rms, more than the allowed model error"]
 
 
 def _widened(plant: Plant) -> Iterator[str]:

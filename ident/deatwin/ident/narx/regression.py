@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -230,7 +230,8 @@ def flatten(recordings: Recordings) -> tuple[Recording, ...]:
         return (recordings,)
     if isinstance(recordings, Experiment):
         return tuple(recordings.recordings)
-    if isinstance(recordings, str | bytes) or hasattr(recordings, "shape") or not isinstance(recordings, Iterable):
+    one = isinstance(recordings, str | bytes | Mapping) or hasattr(recordings, "shape")
+    if one or not isinstance(recordings, Iterable):
         raise ModelError(
             f"recordings and experiments are needed, not a {type(recordings).__name__}: {way_to_record(recordings)}"
         )

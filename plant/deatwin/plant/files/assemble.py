@@ -22,6 +22,7 @@ from deatwin.plant.files.formats.tdms import STARTED
 from deatwin.plant.files.timecolumns import (
     counts_by_one,
     is_count,
+    is_nameless,
     likely_times,
     no_times,
     require_unit,
@@ -92,6 +93,7 @@ def recordings_of(
     used = [column for columns in roles.values() for column in columns]
     stated = _stated(table, used, dt)
     wanted = list(dict.fromkeys([*used, *([] if times is None else [times])]))  # one column may have two roles
+    table = table.without_cut_number(wanted)
     spotty = {
         *further,
         *(k for k, name in enumerate(table.names) if table.declared.signals or name in ELECTRICAL_UNITS),
@@ -155,6 +157,8 @@ def recordings_of(
             f'{error}; if the column "{table.shown(times)}" is not in seconds, state its unit: {offers}',
             offers | error.offers,
         ) from None
+    if table.left_out:
+        logger.warning("%s: the last row was left out, because %s", table.path, table.left_out)
     if table.scale and not table.declared.signals:
         logger.warning(
             '%s: a remark in the file says "%s", which is not applied; if the numbers lack this scale, state the unit for which '
@@ -271,11 +275,12 @@ def _is_filled(table: Table, column: int) -> bool:
 
 def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
     """Warn how the times were interpreted, unless the file states it."""
-    if table.nameless and named is None:
+    if times == 0 and is_nameless(table) and named is None:
         logger.warning(
-            '%s: without a header its first column, which rises evenly, is taken as the times%s; --time-column "#1=ms" '
+            '%s: without a header %s first column, which rises evenly, is taken as the times%s; --time-column "#1=ms" '
             "states another unit, --dt another sample time",
             table.path,
+            "its" if table.nameless else "the",
             "" if table.scales.get(times) else " in s",
         )
     if not unit and (scale := table.scales.get(times)) and scale.unit and scale.began:

@@ -32,6 +32,8 @@ _ROUNDED_STEPS = 0.1  # Least share of unusual steps if the times are rounded
 _AGREE = 0.0025  # Distance from the even clock, in samples, up to which a start is kept as in the file
 _FEW_GAPS = 3  # Number of gaps that a record of any length may have
 _GAP = 1.6  # Step above which there is a gap, in samples
+_AS_GOOD = 1.25  # Ratio of the largest distances from two even clocks up to which one fits as well as the other
+_EXACT = 1e-9  # Distance from the even clock, in samples, that is none
 _FULL = 1e-4  # Relative difference from the size of a counter at which times that fall tell its overflow
 _SLACK = 1.1  # Factor on the tolerance, because rounded times move the fitted clock a little
 
@@ -188,13 +190,15 @@ def _sample_time(
     where: Callable[[int], str],
     stated: float | None,
 ) -> float:
-    """Return the sample time of all pieces: the stated one, else the usual step, else a fitted one."""
+    """Return the sample time of all pieces: the stated one, else a fitted one, else the usual step."""
     ranks = np.concatenate([np.arange(last - first) - 0.5 * (last - first - 1) for first, last in runs])
-    fitted = float(ranks @ timepts / (ranks @ ranks)) if ranks.any() else usual
-    for step in (stated,) if stated else (float(f"{usual:.9g}"), fitted):
-        late = np.concatenate([_off_clock(timepts[first:last], step) for first, last in runs])
-        if late.max() <= tolerance:
-            return step
+    since = timepts - timepts[0]
+    fitted = float(ranks @ since / (ranks @ ranks)) if ranks.any() else usual
+    late = np.concatenate([_off_clock(timepts[first:last], stated or fitted) for first, last in runs])
+    if late.max() <= tolerance:
+        return stated or _with_few_digits(fitted, float(late.max()), timepts, runs)
+    if not stated and max(_off_clock(timepts[first:last], usual).max() for first, last in runs) <= tolerance:
+        return float(f"{usual:.9g}")
     sample = int(np.argmax(late))
     if stated:
         raise DataError(
@@ -207,6 +211,18 @@ def _sample_time(
         f"from even times every {fitted:g} s (tolerance {tolerance:.2g} s); {_advice(options)}",
         options or NO_OPTIONS,
     )
+
+
+def _with_few_digits(fitted: float, late: float, timepts: Floats, runs: list[tuple[int, int]]) -> float:
+    """Return the step of fewest digits whose clock fits as well as the fitted one, from which times are up to `late` off.
+
+    Recordings of one clock then have one sample time, although rounding and jitter differ.
+    """
+    for step in (float(f"{fitted:.{digits}g}") for digits in range(1, 12)):
+        off = max(_off_clock(timepts[first:last], step).max() for first, last in runs)
+        if off <= _AS_GOOD * late + _EXACT * fitted:
+            return step
+    return fitted
 
 
 def _off_clock(timepts: Floats, step: float) -> Floats:

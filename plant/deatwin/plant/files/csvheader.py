@@ -5,7 +5,7 @@ import re
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvcells import is_value
 from deatwin.plant.files.headers import SURE, for_name, is_misspelt, split_unit, split_units
-from deatwin.plant.files.units import find_unit
+from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS, LIKE_TIMES
 from deatwin.plant.safe_read import clipped
 
@@ -29,7 +29,7 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
     if len(head) > 1 and _stand_above(head[-2], head[-1]):
         head = [*head[:-2], head[-1], head[-2]]
     only_units = len(head) > 1 and _give_units(head[-1], head[-2])
-    headers = _header(head[:-1] if only_units else head)
+    headers = _with_names_above(_header(head[:-1] if only_units else head), head)
     names, units = (list(part) for part in zip(*split_units(headers), strict=True))
     said = ["" for _ in headers]
     if only_units:
@@ -70,6 +70,22 @@ def _header(head: list[list[str]]) -> list[str]:
     known = any(split_unit(cell)[1] or cell in COLUMNS for cell in last)  # if so, the line above is a title
     better = not all(last) or all(split_unit(cell)[1] for cell in above)
     return above if named and better and not known else last
+
+
+def _with_names_above(headers: list[str], head: list[list[str]]) -> list[str]:
+    """Return headers with the names of cells that stretch over two lines, and of times whose unit stands below their name.
+
+    >>> _with_names_above(["", "U (V)"], [["Time (s)", "Drive"], ["", "U (V)"]])
+    ['Time (s)', 'U (V)']
+    >>> _with_names_above(["s", "U_V"], [["Time", "Drive"], ["s", "U_V"]])
+    ['Time (s)', 'U_V']
+    """
+    above = next((head[k - 1] for k in range(1, len(head)) if head[k] == headers), [])
+    if sum(map(bool, above)) < 2 or any(map(is_value, above)):
+        return headers
+    pairs = [(header, above[k] if k < len(above) else "") for k, header in enumerate(headers)]
+    timed = [LIKE_TIMES.search(name) and UNITS[find_unit(header)].si == "s" for header, name in pairs]
+    return [f"{name} ({header})" if said else header or name for (header, name), said in zip(pairs, timed, strict=True)]
 
 
 def are_units(cells: list[str]) -> bool:

@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import IO
 
@@ -35,17 +36,21 @@ from deatwin.plant.files.csvtext import (
     decode,
     find_layout,
     grouped,
+    lacks_cells,
     require_no_numbered_columns,
     require_no_settings,
     require_whole_numbers,
     with_name_of_rows,
+    with_whole_names,
     without_index_line,
+    without_label_column,
     without_labels,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.optional import reading
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import for_name, scale_in, split_unit, split_units
+from deatwin.plant.files.rates import sample_time_in
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS as COLUMN_NAMES
 from deatwin.plant.files.usual import LIKE_TIMES
@@ -58,6 +63,9 @@ _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-prec
 _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
 )  # Mark between thousands that no decimal sign can be
+_SPACED = re.compile(r"[+-]?[1-9]\d{0,2}(?:(['’\u00a0\u2009\u202f ])\d{3})(?:\1\d{3})*(?:[.,]\d*)?")  # 1'234.5
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:(?:([.,])\d{3})+(?!\1)[.,]\d+|([.,])\d{3}(?:\2\d{3})+)")
+"""Number whose mark between thousands is certain: 1,234.5 and 1.234.567."""
 _DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a minus sign
 _GUARDED = re.compile(r'(?m)(^|[,;|\t])="([^"\n]*)"(?=[,;|\t]|$)')
 """Text that a program keeps from a spreadsheet's guesses."""
@@ -87,8 +95,11 @@ _PARTS = (
 """Names of a column with the part of a second behind a column of whole seconds, and the digits of this part."""
 _HOURS = re.compile(r"(h|hh|hours?|stunden?) (min|mm|minutes?|minuten?) (s|ss|sec|seconds?|sekunden?)")
 """Last words of the names of three columns with hours, minutes and seconds."""
+_MINUTES = re.compile(r"(min|minutes?|minuten?) (s|sec|seconds?|sekunden?)")
+"""Last words of the names of two columns with minutes and seconds."""
 _OF_DAYS = re.compile(r"(?i)date|datum|fecha")  # Name of a column that says only the day
 _OF_DAY = re.compile(r"(\d{1,2}) ([0-5]?\d) ([0-5]?\d(?:[.,]\d*)?)")
+_OF_HOUR = re.compile(r"(\d{1,3}) ([0-5]?\d)(?:[.,](\d*))?")
 _EMPTY = ",;|\t "  # All characters of an empty row of a spreadsheet
 _RULED = re.compile(r"(?=.*(?:---|===|[-–]\s*[,;|\t]\s*[-–]))[-–=+:|,;\t ]+")
 """Line that underlines the names, or says of no column that it has a unit."""
@@ -98,6 +109,7 @@ _NO_PATHS = {
     "*": "; give the files one by one, in Python with pathlib.Path.glob",
 }
 """Marks of what a shell or a browser knows, and what to give in its place."""
+_TRUTH = {"true": 1.0, "false": 0.0}  # Numbers of the words that PLCs and spreadsheets write
 _ALIKE = 3  # Number of rows that show how many digits numbers have
 _PIECE = 50_000  # Number of lines that are split at a time
 
@@ -122,13 +134,6 @@ class CsvTable(Table):
 
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns in SI units, or in those of `wanted`, (len(columns), n), exactly rounded."""
-        found = self._values(columns, missing)
-        if not self.ended:
-            self._require_whole_end(columns)
-        return found
-
-    def _values(self, columns: Sequence[int], missing: Collection[int]) -> NDArray[np.float64]:
-        """Return columns in their units, (len(columns), n)."""
         if (even := self._of_even_rows([column for column in columns if column not in self.scales])) is not None:
             rest = iter(even)
             read = (self._numbers(k, [*self.texts(k)]) if k in self.scales else next(rest) for k in columns)
@@ -140,7 +145,8 @@ class CsvTable(Table):
         except IndexError:
             texts = self._of_short_rows(rows, columns, missing)
         plain = [k for k, column in enumerate(columns) if not self._dated(column)]
-        numbers = self._with_decimal_points([columns[k] for k in plain], [texts[k] for k in plain])
+        bare = _without_thousands([texts[k] for k in plain])
+        numbers = self._with_decimal_points([columns[k] for k in plain], bare)
         for k, cells in zip(plain, numbers, strict=True):
             texts[k] = cells
         values = [self._numbers(column, cells) for column, cells in zip(columns, texts, strict=True)]
@@ -155,23 +161,21 @@ class CsvTable(Table):
             raise self._bad_cell(columns, missing)
         return np.array(known)
 
-    def _require_whole_end(self, columns: Sequence[int]) -> None:
-        """Refuse a last number that seems cut short: its row lacks cells, or it lacks digits that all others have."""
+    def without_cut_number(self, columns: Collection[int]) -> "CsvTable":
+        """Return the table without its last row if that ends, in one of some columns, with fewer digits than all others."""
         *before, last = [split_cells(line, self.delimiter) for line in self.lines[-_FEW:]]
         column = len(last) - 1
-        others = [
-            _digits(row[column]) for row in before if column < len(row) and is_number(row[column].replace(",", "."))
-        ]
-        if column not in columns or max(columns) > column or len(others) < _ALIKE:
-            return
+        numbers = [row[column] for row in before if column < len(row) and is_number(row[column].replace(",", "."))]
+        others = list(map(_digits, numbers))
+        if self.ended or column not in columns or len(others) < _ALIKE:
+            return self
+        if _may_be_thousands([cell.replace(",", ".") for cell in (*numbers, last[column])]):
+            return self  # which is refused later
         fewest = tuple(map(min, zip(*others, strict=True)))
         whole, *parts = zip(_digits(last[column]), fewest, strict=True)
         cut = any(own < few for own, few in parts) or (not any(few for _, few in parts) and whole[0] < whole[1])
-        if cut or len(last) < min(map(len, before)):
-            raise DataError(
-                f'{self.where(len(self.lines) - 1)}, column "{self.shown(column)}": the file ends within this row, and '
-                f"{clipped(last[column])} may be cut short: remove the row, or put a line break behind it if it is complete"
-            )
+        said = f"row {self.rows[-1]} ends with {clipped(last[column])}, which may be cut short (put a line break behind it if it is whole)"
+        return replace(self, lines=self.lines[:-1], rows=self.rows[:-1], left_out=said) if cut else self
 
     def _of_even_rows(self, columns: Sequence[int]) -> NDArray[np.float64] | None:
         """Return columns of numbers piece by piece, which takes a third of the time and memory.
@@ -215,12 +219,11 @@ class CsvTable(Table):
     def _of_short_rows(
         self, rows: Sequence[Sequence[str]], columns: Sequence[int], missing: Collection[int]
     ) -> list[list[str]]:
-        """Return the cells of columns; short rows are filled up, except the last, at which the file breaks off."""
-        last = len(rows) - 1
+        """Return the cells of columns; short rows are filled up."""
+        widest = max(map(len, rows))
         try:
             return [
-                [row[k] if k < len(row) or k not in missing or n == last else "" for n, row in enumerate(rows)]
-                for k in columns
+                [row[k] if k < len(row) or k not in missing or k >= widest else "" for row in rows] for k in columns
             ]
         except IndexError:
             raise self._bad_cell(columns, missing) from None
@@ -228,6 +231,9 @@ class CsvTable(Table):
     def _numbers(self, column: int, cells: list[str]) -> NDArray[np.float64] | None:
         """Return a column (n,) in SI units, dates in seconds since the first; None unless all are finite numbers."""
         scale = self.scales.get(column)
+        if not scale and cells and cells[0].strip().lower() in _TRUTH:
+            words = [cell.strip().lower() for cell in cells]
+            return np.array([_TRUTH[word] for word in words]) if _TRUTH.keys() >= set(words) else None
         try:
             found = np.asarray(scale.seconds(cells) if scale else si_values(cells, self.unit(column)), dtype=np.float64)
         except (ValueError, TypeError, ArithmeticError):  # ArithmeticError: outside the range of Decimal
@@ -326,20 +332,15 @@ class CsvTable(Table):
 
     def _bad_cell(self, columns: Sequence[int], missing: Collection[int]) -> DataError:
         """Return the error of the first cell that is not a finite number; those of `missing` columns may be empty."""
-        last = len(self.lines) - 1
         for sample, line in enumerate(self.lines):
             row = split_cells(line, self.delimiter)
             for column in columns:
                 place = f'{self.where(sample)}, column "{self.shown(column)}"'
-                if (
-                    column >= len(row)
-                    and column >= line.count(self.delimiter) + 1
-                    and (sample == last or column not in missing)
-                ):
-                    ends = "; the file ends within it: remove the row" if sample == last else ""
-                    if all(not cell for cell in self.texts(column)):
-                        ends = ", like all rows: remove the additional cells of the header"
-                    return DataError(f"{place}: the row has {len(row)} of {len(self.headers)} cells{ends}")
+                if column >= max(len(row), line.count(self.delimiter) + 1):
+                    everywhere = all(not cell for cell in self.texts(column))
+                    if everywhere or column not in missing:
+                        ends = ", like all rows: remove the additional cells of the header" if everywhere else ""
+                        return DataError(f"{place}: the row has {len(row)} of {len(self.headers)} cells{ends}")
                 cell = row[column] if column < len(row) else ""
                 if column in missing and _is_absent(cell):
                     continue
@@ -350,6 +351,8 @@ class CsvTable(Table):
                         return DataError(f"{place}: {fault}")
                     cell = cell.removesuffix(scale.behind).strip()
                 if self._dated(column):
+                    continue
+                if cell.lower() in _TRUTH and next(self.texts(column)).strip().lower() in _TRUTH:
                     continue
                 if cell.startswith("="):
                     return DataError(f"{place}: {formula(cell)}")
@@ -370,6 +373,26 @@ class CsvTable(Table):
                         "true value in a larger unit"
                     )
         return DataError(f"{self.path}: the samples cannot be read as numbers")
+
+
+def _without_thousands(texts: list[list[str]]) -> list[list[str]]:
+    """Return cells of numbers without marks between thousands, if these are certain; else as they are.
+
+    >>> _without_thousands([["999.5", "1,234.5", "12,345"], ["1'000.5"]]), _without_thousands([["1,234", "0,5"]])
+    ([['999.5', '1234.5', '12345'], ['1000.5']], [['1,234', '0,5']])
+    """
+    if any(_APART.search(cell) for cells in texts for cell in cells):
+        texts = [
+            [_APART.sub("", cell) if _SPACED.fullmatch(cell.strip()) else cell for cell in cells] for cells in texts
+        ]
+    if not any("," in cell for cells in texts for cell in cells):
+        return texts
+    certain = next((found for cells in texts for cell in cells if (found := _GROUPED.fullmatch(cell.strip()))), None)
+    mark = (certain[1] or certain[2]) if certain else ""
+    fits = re.compile(rf"[+-]?\d{{1,3}}(?:{re.escape(mark)}\d{{3}})+(?:[.,]\d*)?")
+    if not mark or any(mark in cell and not fits.fullmatch(cell.strip()) for cells in texts for cell in cells):
+        return texts
+    return [[cell.replace(mark, "") for cell in cells] for cells in texts]
 
 
 def _digits(cell: str) -> tuple[int, int, int]:
@@ -402,7 +425,10 @@ def read_table(path: str | Path) -> CsvTable:
         content = _unzipped(content, name)
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
-    text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
+    text = decode(content, name)
+    written = text.rstrip("\0")
+    unwritten = written != text and not written.endswith(("\n", "\r"))
+    text = written.replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
     text = text.replace("\n\ufeff", "\n").replace("\f", "")  # the marks of joined files, and ends of printed pages
     text = _GUARDED.sub(r'\1"\2"', text) if '="' in text else text
     text = _DASH.sub("-", text) if "\u2013" in text else text
@@ -410,8 +436,11 @@ def read_table(path: str | Path) -> CsvTable:
     lines = text.split("\n")
     if _RECEIVED.match(text):
         lines = [_RECEIVED.sub(_with_stamp, line) for line in lines]
-    table = table_of(lines, range(1, len(lines) + 1), name, hashlib.sha256(content).hexdigest())
-    return replace(table, ended=len(lines) not in table.rows[-1:])
+    said = f"the file breaks off within row {len(lines)}, and zeros follow" if unwritten else ""
+    lines = lines[:-1] if unwritten else lines
+    digest, ended = hashlib.sha256(content).hexdigest(), unwritten or not lines[-1].strip()
+    table = table_of(lines, range(1, len(lines) + 1), name, digest, ended=ended)
+    return replace(table, left_out=said or table.left_out)
 
 
 def _with_stamp(line: re.Match[str]) -> str:
@@ -452,7 +481,7 @@ def _only_file(content: bytes, path: str) -> IO[bytes]:
     return archive.open(files[0])
 
 
-def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) -> CsvTable:
+def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str, *, ended: bool = True) -> CsvTable:
     """Return the table in lines of text, of which each has its number in the file."""
     last = len(lines)
     while last and not lines[last - 1].strip(_EMPTY):
@@ -473,7 +502,11 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         raise DataError(
             f"{name}: this is a universal file (data set {clipped(lines[1].strip())}), which cannot be read; export columns of text"
         )
-    lines, rows = without_labels(*without_index_line(with_name_of_rows(lines), rows), name)
+    lines, rows = with_whole_names(with_name_of_rows(lines), rows)
+    lines, rows = without_label_column(*without_index_line(lines, rows), name)
+    last_row = rows[-1]
+    lines, rows = without_labels(lines, rows, name)
+    left_out = "" if rows[-1] == last_row else f"the file breaks off within row {last_row}"
     layout = find_layout(lines, rows, name)
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)
@@ -507,10 +540,15 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
     if layout.head and header in lines and any(map(_is_time, names, units)):
         kept = [k for k, line in enumerate(lines) if line not in above]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
+    if not lines:
+        raise DataError(f"{name}: the file has a header but no samples")
     # A remark at the end is no sample.
     while len(lines) > 1 < len(headers) and layout.delimiter not in lines[-1] and kind_of_cell(lines[-1]) == "text":
         lines, rows = lines[:-1], rows[:-1]
     require_no_settings(lines, rows, layout.delimiter, name)
+    if lacks_cells(lines, layout.delimiter, ended=ended):
+        left_out = f"row {rows[-1]} has {len(split_cells(lines[-1], layout.delimiter))} of {len(headers)} cells"
+        lines, rows, ended = lines[:-1], rows[:-1], True
     for k in range(1, len(headers)):
         if _UNIT_COLUMN.fullmatch(headers[k]) and not (units[k - 1] or said[k - 1]):
             units[k - 1], said[k - 1] = _unit_of_rows(
@@ -523,6 +561,12 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         if joined is not None:
             lines, names[k - 2 : k + 1] = joined, ["", "", "time"]
             units[k - 2 : k + 1] = said[k - 2 : k + 1] = ["", "", ""]
+    for k in range(1, len(headers)):
+        timed = any(_is_time(names[j], units[j]) for j in range(len(headers)) if not k - 1 <= j <= k + 1)
+        joined = None if timed or not names[k - 1] else _with_minutes(lines, layout.delimiter, k, headers)
+        if joined is not None:
+            lines, names[k - 1 : k + 1] = joined, ["", "time"]
+            units[k - 1 : k + 1] = said[k - 1 : k + 1] = ["", ""]
     for k in range(1, len(headers)):
         timed = _is_time(names[k - 1], units[k - 1])
         joined = _with_parts_of_seconds(lines, layout.delimiter, k, headers) if timed else None
@@ -542,6 +586,9 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str) 
         delimiter=layout.delimiter,
         marks=marks,
         scale=next((scale for line in remarks if line != header and (scale := scale_in(line))), ""),
+        rate=sample_time_in(remarks, [split_cells(line, layout.delimiter) for line in above]),
+        ended=ended,
+        left_out=left_out,
     )
 
 
@@ -558,6 +605,28 @@ def _with_hours(lines: list[str], mark: str, column: int, headers: Sequence[str]
     found = [_OF_DAY.fullmatch(" ".join(row)) for row in cells]
     times = [f"{row[1]}:{row[2]:0>2}:{'0' * (row[3][1:2] in ('', '.', ','))}{row[3]}" for row in found if row]
     return _with_cells(lines, mark, column, [row[-1] for row in cells], times) if len(times) == len(lines) else None
+
+
+def _with_minutes(lines: list[str], mark: str, column: int, headers: Sequence[str]) -> list[str] | None:
+    """Return lines in which seconds have the minutes from the column before, on past the hour; None if these hold no such.
+
+    >>> _with_minutes(["59,59.98", "0,0", "0,0.02"], ",", 1, ["min", "s"])
+    ['59,0:59:59.98', '0,1:00:00.0', '0,1:00:00.02']
+    """
+    last_words = (re.split(r"[\W_]+", header.strip("()[] "))[-1] for header in headers[column - 1 : column + 1])
+    if not _MINUTES.fullmatch(" ".join(last_words).lower()):
+        return None
+    cells = [split_cells(line, mark)[column - 1 : column + 1] for line in lines]
+    found = [row for row in (_OF_HOUR.fullmatch(" ".join(pair)) for pair in cells) if row]
+    if len(found) < len(lines):
+        return None
+    minutes = [int(row[1]) for row in found]
+    hours = accumulate((after < before - 30 for before, after in pairwise(minutes)), initial=0)
+    times = [
+        f"{hour + minute // 60}:{minute % 60:02d}:{row[2]:0>2}.{row[3] or 0}"
+        for hour, minute, row in zip(hours, minutes, found, strict=True)
+    ]
+    return _with_cells(lines, mark, column, [row[-1] for row in cells], times)
 
 
 def _with_parts_of_seconds(lines: list[str], mark: str, column: int, headers: Sequence[str]) -> list[str] | None:

@@ -41,6 +41,10 @@ _SETTINGS = re.compile(
 _SCALES = re.compile("(?i)scal|offset|gain|factor|zero|sensitiv|slope|calib|skal|faktor|null|empfind")
 _NAMES_LABEL = re.compile(r"(?i)(trace|channel|signal)[ _]?(name|title)s?\b")  # Word before the names
 _LABEL = re.compile(r"([A-Za-z][A-Za-z ]*):\s*")  # Before a setting of a channel
+_VALUES = re.compile(
+    r'(?i)"?((trace|channel|signal)[ _]?)?(value|data|sample)s?"?([,;\t])'
+)  # Label of the first sample
+_TRACES = re.compile(r"((trace|channel|signal)[ _]?)?(name|path|title)s?")  # Label of a line of names
 _UNITS_WORD = re.compile(r"(?i)(?<![^\W_])(units?|einheit(en)?)(?![^\W_])")  # In the label of a line of units
 _TIMES = ("s", "ms", "us", "ns", "min", "h")
 _GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+|(?<![\d:])[\d:]*\d:\d\d,\d{3}(?!\d)")
@@ -49,6 +53,7 @@ _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # Blanks that
 _INDEX_LINE = re.compile(r"([^,;\t|]*)(([,;\t|])\3*)")  # At most a name, and empty cells
 _JAPANESE = re.compile(rb"\x83\xca|\x81\x8e|(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
 """µ, °C, or two characters of Shift JIS, which begin with bytes that Windows-1252 has for quotes and dashes."""
+_BREAKS_OFF = ("truncated data", "unexpected end of data")  # Reasons of a decoder for text that ends within a character
 _LETTERS = 3  # Least number of accented letters that follow each other in no language of Windows-1252
 _RUSSIAN = re.compile(rb"[\xc0-\xdf]?[\xe0-\xff]{2,}|[\xc0-\xdf]{3,}")
 """Word of Windows-1251: a capital letter and small ones, small letters only, or capital ones only."""
@@ -56,6 +61,7 @@ _FAR_APART = re.compile(r"\s{2,}|\t")
 _LABELLED = re.compile(r'"?(?<![^\s,;{"])([^\W\d][^":=,;\t{}]{0,60}?)"?\s?[:=]\s?("[^"]*"|[^\s",;{}]+)')
 """Name and value in one cell, as Arduino's plotter and JSON write them."""
 _WIDE = 2000  # Number of characters of a line from which it is no such row
+_WRAPPED = 60  # Largest number of lines over which the names of one line may be wrapped
 _MANY = 10  # Number of rows that must repeat the names, if the file has as many
 
 
@@ -69,7 +75,10 @@ class Layout:
 
 
 def decode(content: bytes, path: str) -> str:
-    """Return the text of a file in UTF-8, UTF-16 (also without its mark), UTF-32 with it, GBK, or Windows-1252."""
+    """Return the text of a file in UTF-8, UTF-16 (also without its mark), UTF-32 with it, GBK, or Windows-1252.
+
+    A zero at its end stands for room that the file has and nobody wrote.
+    """
     if content[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
         return content.decode("utf-32", errors="replace")
     halves = content[0:8:2], content[1:8:2]  # of the first four characters, which are Latin in a table
@@ -79,18 +88,20 @@ def decode(content: bytes, path: str) -> str:
         try:
             return content.decode(bare or "utf-16")
         except UnicodeDecodeError as error:
-            raise DataError(f"{path}: the UTF-16 text breaks off at byte {error.start}; save the file again") from None
+            if error.reason in _BREAKS_OFF:
+                return content[: error.start].decode(bare or "utf-16")
+            raise DataError(f"{path}: the UTF-16 text is damaged at byte {error.start}; save the file again") from None
     written = content.rstrip(b"\0\x1a")  # a logger that loses power leaves the rest unwritten; DOS marks the end
-    if content.endswith(b"\0") and b"\0" not in written and not written.endswith((b"\n", b"\r")):
-        raise DataError(f"{path}: it breaks off within a row, and zeros follow; remove them and the row")
-    content = written
-    if b"\0" in content:
+    rest = "\0" * content.endswith(b"\0")
+    if b"\0" in written:
         book = "; end the name of an Excel workbook in .xlsx, and unpack a zip file" if content[:2] == b"PK" else ""
         raise DataError(f"{path}: not a text file; save the table as CSV in UTF-8{book}")
     try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode(_code_page(content), errors="replace")
+        return written.decode("utf-8-sig") + rest
+    except UnicodeDecodeError as error:
+        if error.reason in _BREAKS_OFF:
+            return written[: error.start].decode("utf-8-sig") + rest
+        return written.decode(_code_page(written), errors="replace") + rest
 
 
 def _code_page(content: bytes) -> str:
@@ -144,6 +155,50 @@ def _holds_only_values(cells: list[str]) -> bool:
     return all(kind_of_cell(cell) in ("", "number", "date", "text") for cell in cells)
 
 
+def without_label_column(lines: list[str], rows: Sequence[int], path: str) -> tuple[list[str], Sequence[int]]:
+    """Return lines and rows of a table that labels its lines in the first cell, as ControlDesk of dSPACE does, without labels.
+
+    >>> without_label_column(["path,,u", "unit,s,V", "trace_values,0,1", ",1,2", ",2,3", ",3,4"], range(1, 7), "r.csv")
+    (['time,u', 's,V', '0,1', '1,2', '2,3', '3,4'], [1, 2, 3, 4, 5, 6])
+
+    The name of a signal is that of its path if several have the same one. Unnamed are only the times.
+    """
+    for first, line in enumerate(lines[1:_HEAD], 1):
+        if not (found := _VALUES.match(line)):
+            continue
+        delimiter = found[4]
+        cells = [split_cells(below, delimiter) for below in lines[first : first + 1 + _LIKE_SAMPLES]]
+        if not all(len(row) > 2 and any(map(is_value, row[1:])) for row in cells) or any(row[0] for row in cells[1:]):
+            continue
+        head = {row[0].lower(): row[1:] for row in (split_cells(above, delimiter) for above in lines[:first])}
+        width = len(cells[0]) - 1
+        named = [head[label] for label in sorted(head, key=lambda label: label == "path") if _TRACES.fullmatch(label)]
+        named = [row for row in named if width - 1 <= len(row) <= width]
+        if not named or len(cells) < 1 + _LIKE_SAMPLES:
+            continue
+        names = next((row for row in named if len(set(row)) == len(row)), named[-1])
+        names = [name or ("" if k else "time") for k, name in enumerate(names)]
+        units = next((row for label, row in head.items() if _UNITS_WORD.search(label)), [])
+        if again := next((k for k in range(first + 1, len(lines)) if lines[k].startswith(found[0])), 0):
+            raise DataError(
+                f"{path}, row {rows[again]}: other signals begin here; give each block of signals a file of its own"
+            )
+        head_rows = [(row + [""] * width)[:width] for row in (names, units) if row]
+        made = [delimiter.join(f'"{cell}"' if delimiter in cell else cell for cell in row) for row in head_rows]
+        samples = [below.partition(delimiter)[2] for below in lines[first:]]
+        return [*made, *samples], [*rows[first - len(made) : first], *rows[first:]]
+    return lines, rows
+
+
+def lacks_cells(lines: Sequence[str], delimiter: str, *, ended: bool) -> bool:
+    """Return whether the last line has fewer cells than each line before it; with a line break, empty ones count."""
+
+    def width(line: str) -> int:
+        return len(split_cells(f"{line}{delimiter}." if ended else line, delimiter))
+
+    return len(lines) > 2 and all(width(line) > width(lines[-1]) for line in lines[:-1])
+
+
 def with_name_of_rows(lines: list[str]) -> list[str]:
     """Return lines of a table of R with an empty name before the others: R gives the quoted numbers of its rows none."""
     found = re.match(r'"1"([ \t,;])', lines[1]) if len(lines) > 1 else None
@@ -158,7 +213,7 @@ def without_labels(lines: list[str], rows: Sequence[int], path: str) -> tuple[li
     >>> without_labels(["ready", '{"u": 1.5, "at": "1,5"}', '{"u": null, "at": ""}'], [1, 2, 3], "r.csv")
     (['ready', '"u","at"', '1.5,"1,5"', 'null,""'], [1, 2, 2, 3])
 
-    The order of the names may differ between rows.
+    The order of the names may differ between rows. A last row that breaks off is left out.
     """
     first = next((k for k, line in enumerate(lines[:_HEAD]) if len(_labelled(line)) > 1), len(lines))
     names = [name for name, _ in _labelled(lines[first])] if first < len(lines) else []
@@ -169,6 +224,8 @@ def without_labels(lines: list[str], rows: Sequence[int], path: str) -> tuple[li
     for line, row in zip(lines[first:], rows[first:], strict=True):
         cells = _labelled(line)
         if sorted(name for name, _ in cells) != sorted(names):
+            if row == rows[-1] and len(made) > _LIKE_SAMPLES:
+                return [*lines[:first], *made], [*rows[:first], rows[first], *rows[first:-1]]
             raise DataError(
                 f"{path}, row {row}: each row repeats the names, but not this one; write {clipped(', '.join(names))} and their "
                 "values, or remove the row"
@@ -183,6 +240,22 @@ def _labelled(line: str) -> list[tuple[str, str]]:
     return [] if not named or _LABELLED.sub("", line).strip(" ,;\t{}") else _LABELLED.findall(line)
 
 
+def with_whole_names(lines: list[str], rows: Sequence[int]) -> tuple[list[str], Sequence[int]]:
+    """Return lines and rows in which quoted names with line breaks, as spreadsheets write wrapped cells, stand on one line.
+
+    >>> with_whole_names(['"time', '(s)","u (V)"', '0,1', '1,"2'], [1, 2, 3, 4])
+    (['"time (s)","u (V)"', '0,1', '1,"2'], [2, 3, 4])
+    """
+    first = next((k for k, line in enumerate(lines[:_HEAD]) if line.count('"') % 2), None)
+    if first is None:
+        return lines, rows
+    last = next((k for k in range(first + 1, min(first + _WRAPPED, len(lines))) if lines[k].count('"') % 2), first)
+    whole = " ".join(map(str.strip, lines[first : last + 1]))
+    if last == first or any(holds_number(split_cells(whole, mark)) for mark in _DELIMITERS):
+        return lines, rows
+    return with_whole_names([*lines[:first], whole, *lines[last + 1 :]], [*rows[:first], *rows[last:]])
+
+
 def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str], Sequence[int]]:
     """Return lines and rows of a table of pandas without the line that names only its index, below several names.
 
@@ -194,6 +267,10 @@ def without_index_line(lines: list[str], rows: Sequence[int]) -> tuple[list[str]
             continue
         delimiter, count = found[2][0], len(found[2])
         cells = [split_cells(other, delimiter) for other in lines[: k + 2]]
+        labelled = found[1].strip() and not cells[k + 1][0] and holds_number(cells[k + 1])
+        if labelled and not any(map(holds_number, cells[:k])):  # lines of remarks, without any, and no settings above
+            first = next((j + 1 for j in range(k - 1, -1, -1) if not _INDEX_LINE.fullmatch(lines[j])), 0)
+            return [*lines[:first], *lines[k + 1 :]], [*rows[:first], *rows[k + 1 :]]
         above = next(
             (j for j in range(k, 0, -1) if lines[j - 1].count(delimiter) != count or holds_number(cells[j - 1])), 0
         )
@@ -488,7 +565,7 @@ def _no_layout(lines: list[str], rows: Sequence[int], delimiter: str, path: str)
     advice = grouped(lines[k], delimiter) or (
         "; a comma cannot be both delimiter and decimal sign: separate the cells by semicolons or tabs"
         if commas
-        else "; a quoted name contains a line break: write all names on one line"
+        else "; a quotation mark among the names is not closed"
         if '"' in lines[k - 1] and lines[k - 1].count('"') % 2
         else "; each column needs a name of one word"
         if delimiter == BLANKS

@@ -99,6 +99,10 @@ _SCALING = re.compile(
     r"|(?<![^\W_])(?:ampl?|amplifier|factor|faktor|HV)(?![^\W_])"
 )
 """Words of a remark in which a factor is one of signals, and not of a mixture, a lens or the first of ten runs."""
+_OF_FIELD = re.compile(
+    r"(?i:field|feld|champ|campo|strength|festigkeit|gradient|breakdown|durchschlag)|(?<![^\W_])E(?![^\W_])"
+)
+"""Words before a field, whose unit may also be that of a sensor: ``field 50 V/mm``."""
 _SUPPLY = frozenset(UNITS[unit].si for unit in ("V", "A", "Hz", "F", "W", "ohm"))
 """Units in the ratings of a supply or a part: ``24 V / 5 A``."""
 TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
@@ -195,12 +199,15 @@ def scale_in(remark: str) -> str:
     ('1 V = 10 kV', 'gain 2000', '')
     >>> scale_in("# Sylgard 184, 10:1"), scale_in("# 10 kV / 10 mA"), scale_in("# laser: 10 mm / 10 V")
     ('', '', '10 mm / 10 V')
+    >>> scale_in("# field 50 V/mm"), scale_in("# field 2 V/mm, sensor 0.5 V/mm")
+    ('', '0.5 V/mm')
     """
     for ratio in _ratios(remark):
         below = re.search(r"/\s?(\d[\d.]*)", ratio[0])
         units = {UNITS[find_unit(ratio[k])].si for k in (1, 3)}
         rated = below and below[1] != "1" and len(units) > 1 and units <= _SUPPLY
-        if not rated:
+        field = units == {"V", "m"} and _OF_FIELD.search(re.split("[,;]", remark[: ratio.start()])[-1])
+        if not rated and not field:
             return ratio[0]
     found = _factor("", f"){remark}") if _SCALING.search(remark) else ""
     return "" if found.startswith("/") else found

@@ -359,8 +359,17 @@ def _readings(rig: RigFile | None) -> tuple[Reading, ...]:
 
 
 def table_of_file(path: str | Path) -> Table:
-    """Read the table of a file in the format of its name."""
-    return _by_ending(path, _READERS, "read")(path)
+    """Read the table of a file in the format of its name; under any other name, it may be a table of text."""
+    try:
+        read = _by_ending(path, _READERS, "read")
+    except DataError as unknown:
+        if Path(path).suffix.lower() in _PACKED:
+            raise
+        try:
+            return read_table(path)
+        except DataError:
+            raise unknown from None
+    return read(path)
 
 
 def recordings_of_table(

@@ -35,6 +35,7 @@ _SHORT = 1e-4  # Step below which times in s may be days, in which it is less th
 _ROUNDED = 1e-6  # Relative error of a step from times with too few digits
 _ONE_NUMBER = re.compile(r"(?i)(.*[^a-z])?hhmmss([^a-z].*)?")  # Header of times of day that are one number
 _IN_WORDS = re.compile(r".*\s(?:in|en)\s+([^\W\d_]+)")  # Header that ends in words for a unit, known or not
+_FIRST = re.compile(r"\((:,1|1,:)\)$")  # End of the header of a matrix's first column or row
 _LISTED = 5  # Largest number of columns that an error lists
 
 
@@ -56,7 +57,8 @@ def time_column(
     fields = [column for column in likely if _plain(_field(table.names[column])) in (*TIME_NAMES, *_STAMP_NAMES)]
     inner = [column for column in fields if needed and holds_times(table, column)]
     dated = [column for column in likely if not table.headers[column] and _is_dated(table, column)]
-    first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
+    dated = dated or [k for k in likely if needed and _is_dated(table, k) and holds_times(table, k)]
+    first = [0] if needed and is_nameless(table) and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
     found = usual or named or stamped or timed or inner or dated or first
     groups = {_group(table.names[column]) for column in taken}
     found = [column for column in found if _group(table.names[column]) in groups] or found
@@ -84,6 +86,11 @@ def time_column(
             one,
         )
     return (found[0], table.units[found[0]]) if len(found) == 1 or (found and needed) else (None, "")
+
+
+def is_nameless(table: Table) -> bool:
+    """Return whether the first column has no name: that of a file without a header, or of a matrix."""
+    return table.nameless or _FIRST.search(table.headers[0]) is not None
 
 
 def _is_constant(table: Table, column: int) -> bool:
@@ -338,6 +345,14 @@ def unpadded(table: Table, column: int) -> str:
 
 def no_times(table: Table, taken: set[int]) -> DataError:
     """Return an error for a file without information on its times."""
+    if table.rate and not likely_times(table, taken):
+        said, step = table.rate
+        offers = ReadOptions(dt=float(f"{step:.12g}"))
+        return DataError(
+            f'{table.path}: there is no column of times, but the file says "{clipped(said)}"; if one row follows the other at '
+            f"this rate, state it: {offers}, in Python dt={offers.dt:g}; else name the column of times: --time-column NAME",
+            offers,
+        )
     if table.nameless:
         others = likely_times(table, taken)
         offers = times_options(table, others[0]) if others else NO_OPTIONS

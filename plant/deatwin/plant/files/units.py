@@ -346,7 +346,8 @@ _SPELLED_OUT = {
     "rev": "rev",
     "rpm": "rpm",
     "psi": "psi",
-    "psig": "psi",  # over the pressure of the air, as bar g is
+    "psig": "psi",
+    "psia": "psi",
     "ft": "ft",
     "mil": "mil",
     "lbf": "lbf",
@@ -383,7 +384,6 @@ _OTHER_SPELLINGS = _CYRILLIC | {
     "g0": "gn",
     "g_n": "gn",
     "cps": "Hz",
-    "bar g": "bar",
     "pct": "%",
     "deg F": "°F",
     "deg °F": "°F",
@@ -436,6 +436,8 @@ _TEN_TO = re.compile(
 """Unit behind a power of ten, such as ``10^-3 m``, ``10⁻³ m`` or ``1e-3 m``."""
 _RAISED = re.compile("10([⁺⁻]?[⁰¹²³⁴-⁹]+)")
 _DIRECT = re.compile(r"(?<=[VA])(?:\s*(?:DC|dc)|\s+vs\b.*)$")  # Behind the unit of a direct voltage or current
+_ABOVE = re.compile(r"([munphkMG]?(?:bar|Pa)|psi)\s*(?:[ag]|abs|gauge|\((?:[ag]|abs|gauge)\))")
+"""Unit of a pressure above a vacuum or above that of the air: bara, mbar(g), kPa abs."""
 FULL_WIDTH = str.maketrans("（）［］【】〔〕", "()[][][]")  # Brackets among Chinese and Japanese characters
 _NO_WIDTH = re.compile("[\u200b-\u200d\u2060\ufeff]")  # Marks that web pages leave in a copied text
 _LATEX_UNIT = re.compile(r"\\(?:si|unit)\s*\{([^{}]*)\}")
@@ -482,6 +484,7 @@ def find_unit(text: str) -> str:
     if in_brackets := bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()
     bare = _DIRECT.sub("", bare)
+    bare = above[1] if (above := _ABOVE.fullmatch(bare)) else bare.replace("deg. ", "deg ")
     if bare in _SYMBOLS:
         return bare
     if bare.startswith("_"):
@@ -494,11 +497,11 @@ def find_unit(text: str) -> str:
     if bare == "L":
         return ""  # L means left more often than litres
     plain = re.sub(r"(?<=[A-Za-z])[.-](?=[A-Za-z])", " ", bare.replace("**", "").translate(_SIGNS))
-    above, *below = re.split(r"\s*/\s*|\s+per\s+", plain.strip().rstrip("."))
-    if re.match(r"1\s", above):
+    over, *below = re.split(r"\s*/\s*|\s+per\s+", plain.strip().rstrip("."))
+    if re.match(r"1\s", over):
         return ""  # a scale, such as 1 V/mm, by which the readings must be multiplied
     symbols: Counter[str] = Counter()
-    for sign, factors in ((1, above.split()), *((-1, part.split()) for part in below)):
+    for sign, factors in ((1, over.split()), *((-1, part.split()) for part in below)):
         for factor in factors:
             for symbol, power in _powers(_spelled(factor)).items():
                 symbols[_spelled(symbol)] += sign * power

@@ -162,11 +162,9 @@ def read_material(section: object) -> tuple[Material | None, list[tuple[tuple[st
     reader = _Reader(section)
     reader.unknown(section, KEYS)
     found = _base(reader)
-    if found is None:
-        return None, reader.mistakes
-    base, energy = found
-    changed: dict[str, Any] = {"energy": energy, "elastic": tuple(_elastic(reader, base, energy))}
-    changed["name"] = reader.text("name") or ("of the rig file" if "energy" in section else base.name)
+    base = found[0] if found else UNKNOWN[next(iter(UNKNOWN))]  # so that the other entries are checked, too
+    changed: dict[str, Any] = {"elastic": tuple(_elastic(reader, *found)), "energy": found[1]} if found else {}
+    changed["name"] = section.get("name") or ("of the rig file" if "energy" in section else base.name)
     if "branches" in section:
         changed["branches"] = tuple(_branches(reader))
     if "permittivity" in section:
@@ -205,6 +203,8 @@ def material_remarks(section: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ..
 def _base(reader: _Reader) -> tuple[Material, Callable[..., Symbol]] | None:
     """Return the published material with the section's name, or an unknown one, and the energy."""
     name, energy = reader.text("name"), reader.text("energy")
+    if any(key in reader.section and not text for key, text in (("name", name), ("energy", energy))):
+        return None  # told already
     if name in MATERIALS and not energy:
         return MATERIALS[name], MATERIALS[name].energy
     if not energy:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.plant.errors import nearest
+from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.files.units import UNITS, find_unit
+from deatwin.plant.material import material
 from deatwin.plant.readings import ELECTRICAL_UNITS
 from deatwin.plant.rigs.rigkeys import DRIVE, HIGHEST_FILM_VOLTAGE, Keys, NumberKey, TextKey, kind_of
 from deatwin.plant.rigs.rigkinds import COMMANDS, KINDS, Pair
@@ -75,7 +76,7 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     found = [
         *wrong,
         *outside,
-        *_material(data, read.get("film")),
+        *_material(data, read.get("film"), called.get("film", "film")),
         *(m for section, values in read.items() for m in _inside(section, called[section], values, table, data)),
         *_order((*KINDS[kind].below, *(p for p in COMMANDS if p[0][1] in table["drive"])), read, called, table),
         *_beyond(read.get("drive"), called.get("drive", "drive"), table["drive"]),
@@ -146,9 +147,14 @@ def _kind(name: object) -> tuple[str, list[Mistake]]:
     return next(iter(_offered(hint, KINDS)), "diaphragm"), [Mistake(text=f"kind: {text}", line_of=("kind",))]
 
 
-def _material(data: Mapping[str, Any], film: object) -> Iterator[Mistake]:
-    """Find mistakes of the section [material], which may replace the key in [film]."""
+def _material(data: Mapping[str, Any], film: object, called: str) -> Iterator[Mistake]:
+    """Find mistakes of the section [material], or of the key in [film] that it may replace."""
     if "material" not in data:
+        name = film.get("material") if isinstance(film, Mapping) else None
+        try:
+            material(name if isinstance(name, str) and name.strip() else "neo-Hookean")
+        except RigError as error:
+            yield Mistake(text=str(error), at=(called, "material"))
         return
     if isinstance(film, Mapping) and "material" in film:
         yield Mistake(text="there is a section [material] too; keep one of them", at=("film", "material"))

@@ -132,3 +132,15 @@ def test_a_parameter_far_from_its_nominal_value_may_hide_physics(verdict, factor
     found = list(conclude._doubtful_values(findings))
     start = "the fitted damping, 1.00 N s/m, is far from its nominal value, 0.0500 N s/m"
     assert [text.startswith(start) for text in found] == [True] * said
+
+
+@pytest.mark.parametrize(
+    ("unit", "said"), [(("", 1.0), "0.72 rms"), (("1", 1.0), "0.72 rms"), (("um", 1e-6), "0.72 µm rms")]
+)
+def test_an_error_that_is_left_has_its_unit_if_it_has_one(unit, said):
+    tests = (SimpleNamespace(size=0.72 * unit[1]), SimpleNamespace(size=0.5 * unit[1]))
+    answer = SimpleNamespace(adequate=False, fitted_test=tests[0], unseen_test=tests[1])
+    findings = SimpleNamespace(named=True, answer=answer, left=None, unit=unit)
+    assert conclude._left_over(findings) == [
+        f"the explanation leaves an error of {said}, more than the allowed model error"
+    ]

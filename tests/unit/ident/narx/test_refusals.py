@@ -133,6 +133,7 @@ DATA = [
     (Frols(), [RECORD, of(ONES, ONES)], "sample time"),
     *((Frols(), wrong, "recordings and experiments are needed.*Recording.from_arrays") for wrong in (None, 3.0, LINE)),
     (Frols(), "recording.csv", "not a str: read a Recording from a file with read_recording"),
+    (Frols(), {"u": [1.0], "y": [2.0]}, "not a dict: make a Recording of arrays with Recording.from_arrays"),
     (Frols(), pandas.DataFrame({"u": LINE, "y": LINE}), "not a DataFrame: make a Recording of arrays"),
     (Lasso(), of(ONES, ONES), "constant"),
     (Semp(output_lags=2, input_lags=2, max_terms=10), SHORT.section(0, 12), "too few"),

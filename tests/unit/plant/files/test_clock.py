@@ -74,3 +74,35 @@ def test_a_counter_that_begins_again_is_named(bits: int, rate: float) -> None:
     with pytest.raises(DataError, match=f"the counter of the times began again at 0: add {size:.10g} s from there on"):
         even_pieces(times, str, allow_gaps=False)
     even_pieces(np.where(times < 2.0, times + size, times), str, allow_gaps=False)
+
+
+@pytest.mark.parametrize(("unit", "decimals"), [(60.0, 9), (60.0, 7), (3600.0, 11), (1.0, 9)])
+@pytest.mark.parametrize("step", [0.02, 0.0125, 1.0 / 3.0])
+def test_the_step_of_times_rounded_in_another_unit_is_exact(unit: float, decimals: int, step: float) -> None:
+    """Each step differs from the true one by up to a digit of its unit, all steps together by no more."""
+    timepts = np.round(np.arange(600) * step / unit, decimals) * unit
+    found, _ = even_pieces(timepts, str, allow_gaps=False)
+    digit = 10.0**-decimals * unit
+    assert abs(found - step) <= (1e-12 * step if step != 1.0 / 3.0 else digit / 600)
+
+
+def test_the_step_of_large_times_is_not_that_of_their_last_bits() -> None:
+    """Seconds since 1904, as LabVIEW counts: a float holds them to half a microsecond."""
+    found, _ = even_pieces(3793262400.0 + 0.02 * np.arange(500), str, allow_gaps=False)
+    assert found == pytest.approx(0.02, rel=1e-9)
+
+
+@pytest.mark.parametrize("step", [0.02, 0.0200013, 0.0123456])
+def test_the_step_of_times_with_jitter_is_off_by_no_more_than_the_jitter(step: float) -> None:
+    """The clock is at both ends up to 2.25 times the jitter off: 1.25 times with the step of few digits, and once more with jitter."""
+    rng, count, jitter = np.random.default_rng(7), 400, 1e-4
+    found, _ = even_pieces(step * np.arange(count) + jitter * rng.uniform(-1.0, 1.0, count), str, allow_gaps=False)
+    assert abs(found - step) <= 2.25 * jitter / (count / 2.0)
+
+
+def test_recordings_of_one_clock_have_one_step_although_their_jitter_differs() -> None:
+    steps = set()
+    for seed in range(10):
+        jitter = np.random.default_rng(seed).uniform(-1e-4, 1e-4, 400)
+        steps.add(even_pieces(0.02 * np.arange(400) + jitter, str, allow_gaps=False)[0])
+    assert steps == {0.02}

@@ -769,7 +769,7 @@ def test_rows_may_repeat_the_names(tmp_path: Path, write: Callable[[float, float
         found = read_recording(tmp_path / name, input_column="u_V", output_column="y_mm")
         assert found.sample_time == pytest.approx(DT)
         np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-12)
-    (tmp_path / "r.txt").write_text("\n".join([*rows[:40], "t_ms:800,u_V:1"]) + "\n", encoding="utf-8")
+    (tmp_path / "r.txt").write_text("\n".join([*rows[:40], "t_ms:800,u_V:1", *rows[41:]]), encoding="utf-8")
     with pytest.raises(DataError, match="row 41: each row repeats the names, but not this one"):
         read_recording(tmp_path / "r.txt", input_column="u_V", output_column="y_mm")
 
@@ -800,6 +800,9 @@ def test_a_scale_in_a_remark_is_told(tmp_path: Path, caplog: pytest.LogCaptureFi
         ("# laser: 10 mm / 10 V", "10 mm / 10 V"),
         ("# Trek 10 kV / 10 mA, 1 V = 1 kV", "1 V = 1 kV"),
         ("# film 100 um, 20 V/um", ""),
+        ("# field 50 V/mm", ""),
+        ("# E = 120 V/mm, gap 2 mm", ""),
+        ("# Feld 3 kV/cm; laser 0.5 V/mm", "0.5 V/mm"),
         ("# Sylgard 184, 10:1", ""),
         ("# run 1/10, objective 10x", ""),
         ("# supply 24 V / 5 A, mains 230 V / 50 Hz, 10 nF / 2 kV", ""),
@@ -808,3 +811,150 @@ def test_a_scale_in_a_remark_is_told(tmp_path: Path, caplog: pytest.LogCaptureFi
         (tmp_path / "r.csv").write_text(f"{remark}\n{rows}", encoding="utf-8")
         np.testing.assert_allclose(read_recording(tmp_path / "r.csv").inputs[0], U)
         assert (f'"{scale}", which is not applied' in caplog.text) == bool(scale)
+
+
+def controldesk(mark: str = ",", units: bool = True) -> list[str]:
+    """A recorder's table of dSPACE ControlDesk: labelled lines, the last of which is the first sample."""
+    rows = [f"{t:.3f}{mark}{u:.4f}{mark}{y:.5f}" for t, u, y in zip(T, U, Y, strict=True)]
+    head = [
+        f"origin{mark}ControlDesk 7.3",
+        "",
+        f"device{mark}DS1202",
+        f"trace_names{mark}{mark}Out1{mark}Out1",
+        f"path{mark}{mark}Model Root/u/Out1{mark}Model Root/x/Out1",
+    ]
+    return [
+        *head,
+        *[f"unit{mark}s{mark}V{mark}mm"] * units,
+        f"trace_values{mark}{rows[0]}",
+        *(mark + r for r in rows[1:]),
+    ]
+
+
+@pytest.mark.parametrize(("mark", "units"), [(",", True), (";", True), (",", False)])
+def test_lines_with_labels_in_their_first_cell_are_read(tmp_path: Path, mark: str, units: bool) -> None:
+    (tmp_path / "r.csv").write_text("\n".join(controldesk(mark, units)) + "\n", encoding="utf-8")
+    unit = ("", "") if units else ("=V", "=mm")
+    found = read_recording(
+        tmp_path / "r.csv", input_column=f"Model Root/u/Out1{unit[0]}", output_column=f"Model Root/x/Out1{unit[1]}"
+    )
+    np.testing.assert_allclose(found.inputs[0], np.round(U, 4), atol=1e-12)
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * np.round(Y, 5), atol=1e-12)
+    assert found.sample_time == pytest.approx(DT) and found.provenance["rows"].startswith("7-" if units else "6-")
+
+
+def test_a_second_block_of_labelled_lines_is_named(tmp_path: Path) -> None:
+    lines = controldesk()
+    (tmp_path / "r.csv").write_text("\n".join([*lines, "", *lines]), encoding="utf-8")
+    with pytest.raises(
+        DataError, match=rf"row {len(lines) + 8}: other signals begin here; give each block of signals a"
+    ):
+        read_recording(tmp_path / "r.csv", input_column="#2", output_column="#3")
+
+
+@pytest.mark.parametrize("names", ["min,s", "Minute,Second", "t_min,t_sec"])
+def test_minutes_and_seconds_are_one_time(tmp_path: Path, names: str) -> None:
+    """From 59 min 59.5 s on past the hour."""
+    since = [3599.5 + t for t in T]
+    rows = zip([int(t // 60) % 60 for t in since], [f"{t % 60:.3f}" for t in since], U, Y, strict=True)
+    text = "".join(f"{minute},{second},{u},{y}\n" for minute, second, u, y in rows)
+    (tmp_path / "r.csv").write_text(f"{names},u_V,y_mm\n{text}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert found.sample_time == pytest.approx(DT, rel=1e-12) and found.n_samples == len(T)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Time (s),Actuator,\n,u (V),y (mm)",
+        "Time,Drive,Laser\ns,u_V,y_mm",
+        "Time,Actuator,\n(s),u (V),y (mm)",
+    ],
+)
+def test_the_name_of_the_times_may_stand_one_line_above(tmp_path: Path, head: str) -> None:
+    """As a spreadsheet writes merged cells."""
+    (tmp_path / "r.csv").write_text(f"{head}\n{plain()}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="#2", output_column="#3")
+    assert found.sample_time == pytest.approx(DT)
+    np.testing.assert_allclose(found.inputs[0], U, rtol=1e-9)
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("remark", "said"),
+    [
+        ("# Sample rate: 50 Hz", "Sample rate: 50 Hz"),
+        ("Sampling interval,20ms", "Sampling interval,20ms"),
+        ("Sample Rate (kS/s),0.05", "Sample Rate (kS/s),0.05"),
+        ("% dt = 0.02", "dt = 0.02"),
+        ("Abtastfrequenz: 50 1/s", "Abtastfrequenz: 50"),
+        ("# fs = 50", "fs = 50"),
+        ("# sample time 12:30, dt of fs", ""),
+        ("# sample 12 of 50 Hz", ""),
+    ],
+)
+def test_a_rate_above_the_samples_is_offered(tmp_path: Path, remark: str, said: str) -> None:
+    (tmp_path / "r.csv").write_text(f"{remark}\nu_V,y_mm\n" + table(U, Y), encoding="utf-8")
+    with pytest.raises(DataError, match=r"the file says|if the file holds no times, give the sample time") as caught:
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert (f'the file says "{said}"' in str(caught.value)) == bool(said)
+    assert caught.value.offers.dt == (pytest.approx(DT) if said else None)
+
+
+def test_the_increment_of_an_oscilloscope_is_offered(tmp_path: Path) -> None:
+    rows = "".join(f"{k},{u},{y},\n" for k, (u, y) in enumerate(zip(U, Y, strict=True)))
+    head = "X,CH1,CH2,Start,Increment\nSequence,Volt,Volt,-6.0e-03,2.0e-02\n"
+    (tmp_path / "r.csv").write_text(head + rows, encoding="utf-8")
+    with pytest.raises(DataError, match=r'the file says "Increment = 2\.0e-02"; .* --dt 0\.02, in Python dt=0\.02'):
+        read_recording(tmp_path / "r.csv", input_column="CH1", output_column="CH2")
+
+
+@pytest.mark.parametrize("name", ["r.mpt", "r.sto", "r.xls", "r.lvm", "r.001", "r"])
+def test_a_table_of_text_is_read_under_any_name(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text(f"time_s\tu_V\ty_mm\n{plain(mark=chr(9))}", encoding="utf-8")
+    found = read_recording(tmp_path / name, input_column="u_V", output_column="y_mm")
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-9)
+
+
+def test_what_is_no_table_under_an_unknown_name_is_refused_for_its_name(tmp_path: Path) -> None:
+    for name, content in (("r.foo", b"no table\n"), ("r.foo", bytes(range(256))), ("r.parquet", b"PAR1" + bytes(64))):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(DataError, match=r"files with the extension \.\w+ cannot be read"):
+            read_recording(tmp_path / name)
+
+
+def test_dates_are_the_times_whatever_their_name(tmp_path: Path) -> None:
+    rows = [f"2024-03-14 12:00:{t:06.3f},{u},{y}\n" for t, u, y in zip(T, U, Y, strict=True)]
+    (tmp_path / "r.csv").write_text("created_at,u_V,y_mm\n" + "".join(rows), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert found.sample_time == pytest.approx(DT) and found.provenance["clock_began"].startswith("2024-03-14T12:00:00")
+
+
+@pytest.mark.parametrize("words", [("TRUE", "FALSE"), ("True", "False"), ("true", "false")])
+def test_words_of_truth_are_numbers(tmp_path: Path, words: tuple[str, str]) -> None:
+    """The command of a valve, as PLCs and spreadsheets write it."""
+    opened = [k % 3 == 0 for k in range(len(T))]
+    rows = [f"{t:.2f},{words[0] if one else words[1]},{y}\n" for t, one, y in zip(T, opened, Y, strict=True)]
+    (tmp_path / "r.csv").write_text("time_s,valve,y_mm\n" + "".join(rows), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="valve", output_column="y_mm")
+    np.testing.assert_array_equal(found.inputs[0], opened)
+    rows[7] = rows[7].replace(words[0], "error").replace(words[1], "error")
+    (tmp_path / "r.csv").write_text("time_s,valve,y_mm\n" + "".join(rows), encoding="utf-8")
+    with pytest.raises(DataError, match='row 9, column "valve": "error" is not a number'):
+        read_recording(tmp_path / "r.csv", input_column="valve", output_column="y_mm")
+
+
+def test_names_may_be_wrapped_within_quotes(tmp_path: Path) -> None:
+    """As a spreadsheet writes cells with line breaks."""
+    (tmp_path / "r.csv").write_text(f'"time\n(s)","u\n(V)","y\nof laser\n(mm)"\n{plain()}', encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u (V)", output_column="y of laser (mm)")
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-9)
+    assert found.provenance["rows"] == f"6-{5 + len(T)}"
+
+
+def test_a_line_of_remarks_may_be_empty_behind_its_label(tmp_path: Path) -> None:
+    """As Origin labels the lines of its header."""
+    rows = "".join(f",{line}\n" for line in plain().splitlines())
+    (tmp_path / "r.csv").write_text(f"Long Name,Time,u,y\nUnits,s,V,mm\nComments,,,\n{rows}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u", output_column="y")
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-9)

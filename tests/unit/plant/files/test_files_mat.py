@@ -487,3 +487,38 @@ def test_data_of_the_identification_toolbox_are_in_the_units_of_its_fields(tmp_p
     assert found.sample_time == pytest.approx(0.02)
     np.testing.assert_allclose(found.inputs[0], 1e3 * COMMAND, rtol=1e-12)
     np.testing.assert_allclose(found.outputs[0], 1e-3 * COMMAND, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("u", "y"), [("run.u", "run.y"), ("/run/u", "/run/y"), ("run/u", "y")])
+def test_a_column_may_be_named_by_its_path(tmp_path: Path, u: str, y: str) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        for name, values, unit in (("time", 1e3 * TIME, "ms"), ("u", COMMAND, "V"), ("y", 0.1 * COMMAND, "mm")):
+            file[f"run/{name}"] = values
+            file[f"run/{name}"].attrs["units"] = unit
+    check(read_recording(tmp_path / "r.h5", input_column=u, output_column=y))
+    savemat(tmp_path / "r.mat", {"run": {"time": TIME, "u_V": COMMAND, "y_mm": 0.1 * COMMAND}})
+    check(read_recording(tmp_path / "r.mat", input_column="run.u_V", output_column="run.y_mm"))
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_first_column_of_a_matrix_may_be_the_times(
+    tmp_path: Path, turned: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As Simulink writes to a file: the times, then the signals."""
+    matrix = np.vstack([TIME, COMMAND, 0.1 * COMMAND])
+    savemat(tmp_path / "r.mat", {"ans": matrix if turned else matrix.T})
+    check(read_recording(tmp_path / "r.mat", input_column="#2=V", output_column="#3=mm"))
+    assert "the first column, which rises evenly, is taken as the times in s" in caplog.text
+
+
+def test_the_rate_of_a_group_is_offered(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        for name, values, unit in (("u", COMMAND, "V"), ("y", 0.1 * COMMAND, "mm")):
+            file[f"run/{name}"] = values
+            file[f"run/{name}"].attrs["units"] = unit
+        file["run"].attrs["sampling_rate"] = 1.0 / (TIME[1] - TIME[0])
+    with pytest.raises(DataError, match='the file says "sampling_rate = ') as caught:
+        read_recording(tmp_path / "r.h5", input_column="u", output_column="y")
+    assert caught.value.offers.dt == pytest.approx(TIME[1] - TIME[0])

@@ -157,3 +157,15 @@ def test_a_date_counts_only_where_its_channel_is_used(path: Path) -> None:
     save(path, *runs, old)
     for k in range(2):
         check(read_recording(path, input_column=f"run{k}/command_V", output_column=f"run{k}/displacement_mm"))
+
+
+def test_a_channel_may_be_named_with_its_group(tmp_path: Path) -> None:
+    clock = {"wf_increment": 0.02, "wf_start_offset": 0.0}
+    values = np.linspace(1.0, 2.0, 12)
+    channels = [
+        nptdms.ChannelObject("rig", name, k * values, {"unit_string": "V", **clock}) for k, name in ((1, "u"), (2, "y"))
+    ]
+    with nptdms.TdmsWriter(tmp_path / "r.tdms") as writer:
+        writer.write_segment(channels)
+    found = read_recording(tmp_path / "r.tdms", input_column="rig/u", output_column="rig/y")
+    np.testing.assert_array_equal(found.outputs[0], 2.0 * values)

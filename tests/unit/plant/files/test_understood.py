@@ -180,7 +180,7 @@ def test_a_missing_file_is_told(tmp_path: Path) -> None:
     [
         ("time_s,u,y", ["0,1,2", "0.1,2,inf", "0.2,3,4", "0.3,1,2"], 'row 3, column "y"'),
         ("time_s,u,y", ["0,1,2", "0.1,2,3", "0.2,OVER,4", "0.3,1,2"], 'row 4, column "u": "OVER"'),
-        ("time_s;u;y", ["0;1,5;2", "0,1;2,5;3", "0,2;1.003,5;4", "0,3;1,5;2"], 'row 4, column "u": "1.003,5"'),
+        ("time_s;u;y", ["0;1,5;2", "0,1;2,5;3", "0,2;1.03,5;4", "0,3;1,5;2"], 'row 4, column "u": "1.03,5"'),
     ],
 )
 def test_a_bad_cell_does_not_hide_its_column(tmp_path: Path, header: str, rows: list[str], fault: str) -> None:
@@ -192,9 +192,9 @@ def test_a_bad_cell_does_not_hide_its_column(tmp_path: Path, header: str, rows: 
 
 
 def test_a_column_without_any_number_is_named_with_its_cell(tmp_path: Path) -> None:
-    rows = [f"{0.02 * k:.2f},{'TRUE' if k % 3 else 'FALSE'},{k % 5}" for k in range(20)]
+    rows = [f"{0.02 * k:.2f},{'OPEN' if k % 3 else 'SHUT'},{k % 5}" for k in range(20)]
     (tmp_path / "r.csv").write_text("\n".join(["time_s,u_V,y_mm", *rows]), encoding="utf-8")
-    assert 'row 2, column "u_V": "FALSE" is not a number' in understand(tmp_path / "r.csv").remaining
+    assert 'row 2, column "u_V": "SHUT" is not a number' in understand(tmp_path / "r.csv").remaining
 
 
 def test_an_error_that_stays_is_told_once(tmp_path: Path) -> None:

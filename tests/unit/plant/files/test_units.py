@@ -427,3 +427,15 @@ def test_a_scale_is_no_unit() -> None:
 )
 def test_a_long_cell_with_a_power_of_ten_names_no_unit(cell: str) -> None:
     assert find_unit(cell) == ""
+
+
+@pytest.mark.parametrize(
+    ("said", "unit"),
+    [
+        *(("barg", "bar"), ("bara", "bar"), ("mbar(g)", "mbar"), ("kPa abs", "kPa"), ("kPag", "kPa"), ("PSIA", "psi")),
+        *(("psi gauge", "psi"), ("bar (a)", "bar"), ("[bar abs]", "bar"), ("deg. C", "°C"), ("bag", ""), ("mV a", "")),
+    ],
+)
+def test_pressures_above_a_vacuum_or_above_the_air(said: str, unit: str) -> None:
+    """The letter says from where a pressure counts, not its size."""
+    assert find_unit(said) == unit

@@ -129,9 +129,31 @@ def test_a_missing_or_misplaced_kind_is_one_mistake(tmp_path: Path, kind: str) -
         read_rig(tmp_path / "rig.toml")
 
 
+def test_an_unknown_material_is_listed_with_the_other_mistakes(tmp_path: Path) -> None:
+    lines = RIG.split("\n")
+    place = next(k for k, line in enumerate(lines) if line.startswith("material ="))
+    lines[place] = 'material = "VHB 4906"'
+    other = next(k for k, line in enumerate(lines) if line.startswith("thickness_mm"))
+    lines[other] = "thickness_mm = 5e-4"
+    (tmp_path / "rig.toml").write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(RigError, match="2 mistakes: ") as caught:
+        read_rig(tmp_path / "rig.toml")
+    assert f"line {place + 1}, [film] material: unknown material 'VHB 4906'" in str(caught.value)
+    assert f"line {other + 1}, [film] thickness_mm: 0.0005 is out of range" in str(caught.value)
+
+
+def test_all_entries_of_an_unknown_material_are_checked() -> None:
+    film = {key: value for key, value in SOUND["film"].items() if key != "material"}
+    own = {"name": "mine", "permittivity": 0.5, "branches": [{"modulus_Pa": 1e4}]}
+    with pytest.raises(RigError, match="3 mistakes: ") as caught:
+        RigFile.from_dict({**SOUND, "film": film, "material": own}, "a rig")
+    for said in ("is not a published material", "0.5 is below 1", 'branch 1 lacks "time_s"'):
+        assert said in str(caught.value)
+
+
 def test_a_single_mistake_has_its_line(tmp_path: Path) -> None:
     for old, new, told in (
-        ('"VHB 4905"', '"VHB 4906"', r"rig\.toml, \[film\] material: unknown material 'VHB 4906'; did you mean"),
+        ('"VHB 4905"', '"VHB 4906"', r"line \d+, \[film\] material: unknown material 'VHB 4906'; did you mean"),
         ("thickness_mm = 0.5", "thickness_mm = 5e-4", r"line 3, \[film\] thickness_mm: 0\.0005 is out of range"),
     ):
         (tmp_path / "rig.toml").write_text(RIG.replace(old, new), encoding="utf-8")
@@ -358,3 +380,13 @@ def test_an_elastomer_of_another_stiffness_or_density_is_warned_of(line: str, at
     remarks = remarks_of({"material": material})
     assert [remark.where for remark in remarks] == ([f"[material] {at}"] if at else [])
     assert all(remark.text.endswith(told) for remark in remarks)
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"), [({"name": 1}, "1 is a number; it must be text"), ({"name": ""}, "text in quotes")]
+)
+def test_a_name_of_a_material_that_is_no_text_is_one_mistake(entry: dict, said: str) -> None:
+    film = {key: value for key, value in SOUND["film"].items() if key != "material"}
+    with pytest.raises(RigError, match=said) as caught:
+        RigFile.from_dict({**SOUND, "film": film, "material": entry}, "a rig")
+    assert "mistakes" not in str(caught.value)

@@ -47,7 +47,8 @@ class ArrayTable(Table):
 
     def column(self, wanted: str, works: Callable[[int], bool] = lambda column: True) -> int:
         """Return the number of a column, counted from 0, from its header, its name or its place in the file."""
-        return super().column(self.places.get(wanted, wanted), works)
+        path = wanted.strip("/").replace("/", ".")  # of HDF5
+        return super().column(self.places.get(wanted, self.places.get(path, wanted)), works)
 
     def texts(self, column: int) -> Iterator[str]:
         """Yield the values of a column as text."""

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.csvcells import is_number
-from deatwin.plant.files.csvtable import CsvTable, read_bytes
-from deatwin.plant.files.csvtext import decode
+from deatwin.plant.files.csvcells import is_number, split_cells
+from deatwin.plant.files.csvtable import CsvTable, read_bytes, read_table
+from deatwin.plant.files.csvtext import decode, lacks_cells
 from deatwin.plant.files.dates import moment
 from deatwin.plant.files.formats.table import Declared, Timing
 from deatwin.plant.files.headers import for_name, split_unit
@@ -55,11 +55,10 @@ def read_lvm(path: str | Path) -> CsvTable:
     if (count := content.count(b"\n")) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
     text = decode(content, name)
+    text = text.removesuffix("\0")
     lines = text.splitlines()
-    if not lines or not lines[0].startswith(_MAGIC):
-        raise DataError(
-            f'{name}: not a LabVIEW measurement file: it does not begin with "{_MAGIC}"; if it is a plain table, change its ending to .txt'
-        )
+    if not lines or not lines[0].startswith(_MAGIC):  # LabVIEW also writes the numbers alone
+        return read_table(path)
     separator, about = _file_header(lines, name)
     segments = _segments(lines, separator, about, name)
     first = segments[0]
@@ -76,7 +75,11 @@ def read_lvm(path: str | Path) -> CsvTable:
     for segment in segments:
         _require_one_start(segment, name)
     table = _table(segments, separator, about.get("X_Columns", "One"), name, hashlib.sha256(content).hexdigest())
-    return replace(table, ended=text.endswith("\n"))
+    ended = text.endswith("\n")
+    if not lacks_cells(table.lines, separator, ended=ended):
+        return replace(table, ended=ended)
+    said = f"row {table.rows[-1]} has {len(split_cells(table.lines[-1], separator))} of {len(table.headers)} cells"
+    return replace(table, lines=table.lines[:-1], rows=table.rows[:-1], left_out=said)
 
 
 def _file_header(lines: list[str], path: str) -> tuple[str, dict[str, str]]:

@@ -25,6 +25,7 @@ from deatwin.plant.files.formats.arrays import (
     WIDEST,
     ArrayTable,
     array_table,
+    numeric,
     of_matrix,
     require_no_scale,
     short_names,
@@ -43,6 +44,7 @@ from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared, Table, Timing
 from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sound_level_5
 from deatwin.plant.files.headers import split_unit
+from deatwin.plant.files.rates import sample_time_in
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.recording import Recording
 from deatwin.plant.safe_read import clipped
@@ -132,7 +134,10 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
             {name: str(text) for name, text in units.items()},
             declared=Declared(timing=_timing(arrays, units, path), provenance=notes),
         )
-        return replace(table, places={place: short[name] for name, place in short_names(found).items()})
+        paths = {name: short[name] for name in found}
+        places = {place: short[name] for name, place in short_names(found).items()} | paths
+        rate = sample_time_in([f"{name.rpartition('.')[2]} = {text}" for name, text in notes.items()])
+        return replace(table, places=places, rate=rate)
     return array_table(path, sha256, columns, {}, declared=declared)
 
 
@@ -240,7 +245,10 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
         found: list[tuple[str, Any]] = []
         file.visititems(lambda name, node: found.append((name, node)))
         found = [pair for name, node in found if not name.startswith("#") for pair in _structs(name, node, file)]
-        for name, node in found:
+        for name, node in (("", file), *found):
+            for key, number in numeric(node.attrs).items():
+                if sample_time_in([f"{key} = {number}"]):
+                    values[f"{name.replace('/', '.')}.{key}".lstrip(".")] = str(number)
             if not isinstance(node, h5py.Dataset) or not _UNREAD.isdisjoint(node.attrs):
                 continue
             kind = np.bytes_(node.attrs.get("MATLAB_class", b"")).decode()

@@ -83,6 +83,8 @@ class Table(ABC):
     delimiter: str = ","
     marks: tuple[float, ...] = ()  # Numbers that mark missing values, as the file says
     scale: str = ""  # Scale or factor in a remark of the file, which is not applied
+    rate: tuple[str, float] | None = None  # Remark of the file on its sample time, and this time, s
+    left_out: str = ""  # Last row if it was left out because the file breaks off within it, and how that shows
 
     @abstractmethod
     def texts(self, column: int) -> Iterator[str]:
@@ -95,6 +97,10 @@ class Table(ABC):
     @abstractmethod
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns in SI units, or in those of `wanted`; NaN for missing values in columns of `missing`."""
+
+    def without_cut_number(self, columns: Collection[int]) -> "Table":
+        """Return the table without its last row if that ends, in one of some columns, with a number that seems cut short."""
+        return self
 
     def unit(self, column: int) -> Unit:
         """Return the unit of a column, which converts to the wanted unit."""

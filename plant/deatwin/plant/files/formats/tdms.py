@@ -60,7 +60,8 @@ def read_tdms(path: str | Path) -> ArrayTable:
         declared=declared,
         timings=dict(zip(headers, timings, strict=True)),
     )
-    return replace(table, dates=dates)
+    paths = {f"{c.group_name}/{c.name}": header for c, header in zip(found, headers, strict=True)}
+    return replace(table, dates=dates, places=paths)
 
 
 def write_tdms(path: str | Path, recording: Recording) -> None:
