@@ -162,9 +162,11 @@ class CsvTable(Table):
         return np.array(known)
 
     def without_cut_number(self, columns: Collection[int]) -> "CsvTable":
-        """Return the table without its last row if that ends, in one of some columns, with fewer digits than all others."""
+        """Return the table without its last row if that lacks some columns, or ends in them with fewer digits than others."""
         *before, last = [split_cells(line, self.delimiter) for line in self.lines[-_FEW:]]
-        column = len(last) - 1
+        column, needed = len(last) - 1, max(columns, default=-1) + 1
+        if len(before) > 1 and len(last) < needed <= min(map(len, before)):
+            return self._without_last_row(f"it has {len(last)} of {len(self.headers)} cells")
         numbers = [row[column] for row in before if column < len(row) and is_number(row[column].replace(",", "."))]
         others = list(map(_digits, numbers))
         if self.ended or column not in columns or len(others) < _ALIKE:
@@ -174,8 +176,15 @@ class CsvTable(Table):
         fewest = tuple(map(min, zip(*others, strict=True)))
         whole, *parts = zip(_digits(last[column]), fewest, strict=True)
         cut = any(own < few for own, few in parts) or (not any(few for _, few in parts) and whole[0] < whole[1])
-        said = f"row {self.rows[-1]} ends with {clipped(last[column])}, which may be cut short (put a line break behind it if it is whole)"
-        return replace(self, lines=self.lines[:-1], rows=self.rows[:-1], left_out=said) if cut else self
+        said = (
+            f"it ends with {clipped(last[column])}, which may be cut short (put a line break behind it if it is whole)"
+        )
+        return self._without_last_row(said) if cut else self
+
+    def _without_last_row(self, why: str) -> "CsvTable":
+        """Return the table without its last row, which is incomplete."""
+        said = why.replace("it", f"row {self.rows[-1]}", 1)
+        return replace(self, lines=self.lines[:-1], rows=self.rows[:-1], left_out=said)
 
     def _of_even_rows(self, columns: Sequence[int]) -> NDArray[np.float64] | None:
         """Return columns of numbers piece by piece, which takes a third of the time and memory.
@@ -332,6 +341,9 @@ class CsvTable(Table):
 
     def _bad_cell(self, columns: Sequence[int], missing: Collection[int]) -> DataError:
         """Return the error of the first cell that is not a finite number; those of `missing` columns may be empty."""
+        # A column with words of truth and numbers has words that are none.
+        words = {k: {cell.strip().lower() for cell in self.texts(k)} for k in columns}
+        logical = {k for k in columns if _TRUTH.keys() & words[k] and not any(map(is_number, words[k]))}
         for sample, line in enumerate(self.lines):
             row = split_cells(line, self.delimiter)
             for column in columns:
@@ -352,7 +364,7 @@ class CsvTable(Table):
                     cell = cell.removesuffix(scale.behind).strip()
                 if self._dated(column):
                     continue
-                if cell.lower() in _TRUTH and next(self.texts(column)).strip().lower() in _TRUTH:
+                if column in logical and cell.lower() in _TRUTH:
                     continue
                 if cell.startswith("="):
                     return DataError(f"{place}: {formula(cell)}")
@@ -378,21 +390,32 @@ class CsvTable(Table):
 def _without_thousands(texts: list[list[str]]) -> list[list[str]]:
     """Return cells of numbers without marks between thousands, if these are certain; else as they are.
 
+    A blank is certain only where other cells have none, since otherwise each cell may hold two numbers. What is certain
+    in one column is not in another, which may have been written by another program.
+
     >>> _without_thousands([["999.5", "1,234.5", "12,345"], ["1'000.5"]]), _without_thousands([["1,234", "0,5"]])
     ([['999.5', '1234.5', '12345'], ['1000.5']], [['1,234', '0,5']])
+    >>> _without_thousands([["999", "1 000"], ["512 498", "513 499"], ["0.123", "1.000,5"]])
+    [['999', '1000'], ['512 498', '513 499'], ['0.123', '1.000,5']]
     """
-    if any(_APART.search(cell) for cells in texts for cell in cells):
-        texts = [
-            [_APART.sub("", cell) if _SPACED.fullmatch(cell.strip()) else cell for cell in cells] for cells in texts
-        ]
+    texts = list(map(_grouped_apart, texts))
     if not any("," in cell for cells in texts for cell in cells):
         return texts
-    certain = next((found for cells in texts for cell in cells if (found := _GROUPED.fullmatch(cell.strip()))), None)
+    shown = [next((found for cell in cells if (found := _GROUPED.fullmatch(cell.strip()))), None) for cells in texts]
+    certain = next(filter(None, shown), None)
     mark = (certain[1] or certain[2]) if certain else ""
-    fits = re.compile(rf"[+-]?\d{{1,3}}(?:{re.escape(mark)}\d{{3}})+(?:[.,]\d*)?")
+    fits = re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:{re.escape(mark)}\d{{3}})+(?:[.,]\d*)?")
     if not mark or any(mark in cell and not fits.fullmatch(cell.strip()) for cells in texts for cell in cells):
         return texts
-    return [[cell.replace(mark, "") for cell in cells] for cells in texts]
+    pairs = zip(texts, shown, strict=True)
+    return [[cell.replace(mark, "") for cell in cells] if found else cells for cells, found in pairs]
+
+
+def _grouped_apart(cells: list[str]) -> list[str]:
+    """Return cells of a column without marks between thousands that no decimal sign can be."""
+    if not any(map(_APART.search, cells)) or all(" " in cell.strip() for cell in cells):
+        return cells
+    return [_APART.sub("", cell) if _SPACED.fullmatch(cell.strip()) else cell for cell in cells]
 
 
 def _digits(cell: str) -> tuple[int, int, int]:
@@ -546,7 +569,7 @@ def table_of(lines: Sequence[str], rows: Sequence[int], name: str, sha256: str, 
     while len(lines) > 1 < len(headers) and layout.delimiter not in lines[-1] and kind_of_cell(lines[-1]) == "text":
         lines, rows = lines[:-1], rows[:-1]
     require_no_settings(lines, rows, layout.delimiter, name)
-    if lacks_cells(lines, layout.delimiter, ended=ended):
+    if not ended and lacks_cells(lines, layout.delimiter):
         left_out = f"row {rows[-1]} has {len(split_cells(lines[-1], layout.delimiter))} of {len(headers)} cells"
         lines, rows, ended = lines[:-1], rows[:-1], True
     for k in range(1, len(headers)):
@@ -613,11 +636,14 @@ def _with_minutes(lines: list[str], mark: str, column: int, headers: Sequence[st
     >>> _with_minutes(["59,59.98", "0,0", "0,0.02"], ",", 1, ["min", "s"])
     ['59,0:59:59.98', '0,1:00:00.0', '0,1:00:00.02']
     """
-    last_words = (re.split(r"[\W_]+", header.strip("()[] "))[-1] for header in headers[column - 1 : column + 1])
-    if not _MINUTES.fullmatch(" ".join(last_words).lower()):
+    pair = headers[column - 1 : column + 1]
+    words = [re.split(r"[\W_]+", header.strip("()[] ")) for header in pair]
+    # "y min" and "y s" may be a minimum and a standard deviation.
+    of_times = all(len(own) == 1 or any(map(LIKE_TIMES.search, own[:-1])) for own in words)
+    if not of_times or not _MINUTES.fullmatch(" ".join(own[-1] for own in words).lower()):
         return None
     cells = [split_cells(line, mark)[column - 1 : column + 1] for line in lines]
-    found = [row for row in (_OF_HOUR.fullmatch(" ".join(pair)) for pair in cells) if row]
+    found = [row for row in (_OF_HOUR.fullmatch(" ".join(both)) for both in cells) if row]
     if len(found) < len(lines):
         return None
     minutes = [int(row[1]) for row in found]

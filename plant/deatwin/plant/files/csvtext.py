@@ -99,7 +99,8 @@ def decode(content: bytes, path: str) -> str:
     try:
         return written.decode("utf-8-sig") + rest
     except UnicodeDecodeError as error:
-        if error.reason in _BREAKS_OFF:
+        # If all characters before are plain, the last byte may as well be a letter of another encoding.
+        if error.reason in _BREAKS_OFF and not written[: error.start].isascii():
             return written[: error.start].decode("utf-8-sig") + rest
         return written.decode(_code_page(written), errors="replace") + rest
 
@@ -190,13 +191,10 @@ def without_label_column(lines: list[str], rows: Sequence[int], path: str) -> tu
     return lines, rows
 
 
-def lacks_cells(lines: Sequence[str], delimiter: str, *, ended: bool) -> bool:
-    """Return whether the last line has fewer cells than each line before it; with a line break, empty ones count."""
-
-    def width(line: str) -> int:
-        return len(split_cells(f"{line}{delimiter}." if ended else line, delimiter))
-
-    return len(lines) > 2 and all(width(line) > width(lines[-1]) for line in lines[:-1])
+def lacks_cells(lines: Sequence[str], delimiter: str) -> bool:
+    """Return whether the last line has fewer cells than each line before it."""
+    *before, last = (len(split_cells(line, delimiter)) for line in lines)
+    return len(before) > 1 and last < min(before)
 
 
 def with_name_of_rows(lines: list[str]) -> list[str]:
@@ -224,7 +222,9 @@ def without_labels(lines: list[str], rows: Sequence[int], path: str) -> tuple[li
     for line, row in zip(lines[first:], rows[first:], strict=True):
         cells = _labelled(line)
         if sorted(name for name, _ in cells) != sorted(names):
-            if row == rows[-1] and len(made) > _LIKE_SAMPLES:
+            whole = line.lstrip().startswith("{") and line.rstrip().endswith("}")
+            begun = {name for name, _ in cells} < set(names) and not whole
+            if row == rows[-1] and begun and len(made) > _LIKE_SAMPLES:
                 return [*lines[:first], *made], [*rows[:first], rows[first], *rows[first:-1]]
             raise DataError(
                 f"{path}, row {row}: each row repeats the names, but not this one; write {clipped(', '.join(names))} and their "

@@ -18,10 +18,11 @@ _STEP = (
 _SHORT_STEP = r"d[_ ]?t|[Δ∆][tx]|delta[ _-]?[tx]|t[_ ]?s|[tx]?[ _-]?inc(?:rement)?"
 _UNIT = r"\s*(?:[(\[]\s*(?P<unit>[^\s()\[\]]+)\s*[)\]])?[\"']?\s*"
 _STATED = re.compile(
-    rf"(?i)(?<![^\W_])(?:(?P<rate>{_RATE}|f[_ ]?s(?=[^,;]*[=:]))|(?P<step>{_STEP}|(?:{_SHORT_STEP})(?=[^,;]*[=:]))){_UNIT}"
-    r"[:=,;\t]*\s*[\"']?\s*(?P<number>\d+(?:\.\d*)?(?:e[-+]?\d+)?)(?![\d:/-])\s*(?P<behind>[^\W\d]+(?:/[^\W\d]+)?|/s)?"
+    rf"(?i)(?<![^\W_])(?:(?P<rate>{_RATE}|(?-i:[fF][_ ]?s)(?=[^,;]*[=:]))|(?P<step>{_STEP}|(?:{_SHORT_STEP})(?=[^,;]*[=:]))){_UNIT}"
+    r"[:=,;\t]*\s*[\"']?\s*(?P<number>\d+(?:\.\d*)?(?:e[-+]?\d+)?)(?![.,'’]?\d|[\u00a0\u202f ]\d{3}(?!\d)|[:/-])\s*(?P<behind>[^\W\d]+(?:/[^\W\d]+)?|/s)?"
 )
 _SAMPLES = re.compile(r"(?i)(?P<prefix>[kM]?)(?:S|Sa|samples?|Hz|sps)(?:/s|/sec|ps)?|/s|1/s")
+_A_RATE = re.compile(r"\d\s*[kM]?(?:Hz|Sa?/s|sps)\b")  # Another rate in the line, so that none is certain
 _LARGE = {"": 1.0, "k": 1e3, "M": 1e6}
 
 
@@ -32,12 +33,18 @@ def sample_time_in(lines: Sequence[str], cells: Iterable[Sequence[str]] = ()) ->
     (('Sample rate: 2 kHz', 0.0005), ('Sampling interval,20ms', 0.02))
     >>> sample_time_in(["u,x,Start,Increment"], [["u", "x", "Start", "Increment"], ["V", "mm", "0", "2e-3"]])
     ('Increment = 2e-3', 0.002)
-    >>> sample_time_in(["# sample time: 12:30", "# fs, 50 samples of dt"])
+    >>> sample_time_in(["# sample time: 12:30", "# fs, 50 samples of dt", "# rate of the camera: 25 Hz, laser 1000 Hz"])
+    >>> sample_time_in(["# sample rate: 1,000 Hz", "# load cell FS = 50", "# Ts = 25 (room)", "# Ts = 20 ms"])
+    ('Ts = 20 ms', 0.02)
     """
+    stated = []
     for line in (line for line in lines if len(line) <= LONGEST):
         for found in _STATED.finditer(line):
-            if (step := _step(found)) is not None:
-                return found[0].strip(), step
+            others = _A_RATE.search(line[: found.start()]) or _A_RATE.search(line[found.end() :])
+            if (step := _step(found)) is not None and not others:
+                stated.append((found[0].strip(), step))
+    if stated:
+        return stated[0] if len({step for _, step in stated}) == 1 else None
     rows = list(cells)
     pairs = [(row[0], row[1]) for row in rows if len(row) == 2]
     pairs += [pair for above, below in pairwise(rows) for pair in zip(above, below, strict=False)]
@@ -56,5 +63,7 @@ def _step(found: re.Match[str]) -> float | None:
     if found["rate"]:
         known = _SAMPLES.fullmatch(unit or "Hz")
         return 1.0 / (number * _LARGE[known["prefix"] or ""]) if known else None
+    if not unit and re.fullmatch(r"(?i)t[_ ]?s", found["step"]):  # which may be a temperature
+        return None
     seconds = UNITS[find_unit(unit) or "s"] if not unit or find_unit(unit) else None
     return None if seconds is None or seconds.si != "s" else number * seconds.numerator / seconds.denominator

@@ -463,3 +463,68 @@ def test_a_line_of_units_may_hold_powers_of_ten(tmp_path: Path) -> None:
         np.testing.assert_allclose(found.outputs[0], size * np.round(Y, 4), rtol=1e-12)
     (tmp_path / "r.csv").write_text("\n".join([HEAD, "x1,X 1.0,x1", *ROWS, ""]), encoding="utf-8")
     assert read_recording(tmp_path / "r.csv").outputs[0, 0] == pytest.approx(5e-3)
+
+
+@pytest.mark.parametrize(
+    ("names", "rows"),
+    [
+        ("time_s;u_V;y_mm;", ["0;1;2;", "0.02;2;3;", "0.04;3;5"]),
+        ("time_s,u_V,y_mm,note", ["0,1,2,a", "0.02,2,3,b", "0.04,3,5"]),
+    ],
+)
+def test_a_last_row_that_lacks_only_unused_cells_is_kept(tmp_path: Path, names: str, rows: list[str]) -> None:
+    (tmp_path / "r.csv").write_text("\n".join([names, *rows, ""]), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    np.testing.assert_allclose(found.outputs[0], [2e-3, 3e-3, 5e-3], rtol=1e-12)
+
+
+def test_a_last_letter_of_another_encoding_is_no_cut_character(tmp_path: Path) -> None:
+    rows = [f"{0.02 * k:.2f},{k % 7},{k % 5},a\n" for k in range(40)]
+    (tmp_path / "r.csv").write_bytes("".join(["time_s,u_V,y_mm,note\n", *rows, "0.80,3,4,é"]).encode("latin-1"))
+    assert read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm").outputs[0].size == 41
+
+
+@pytest.mark.parametrize(
+    "row",
+    ["{t:.3f};0.{k:03};1.{k:03},0", "0,{k:03};0,5;1,{k:03}.5", "{t:.2f};1;512 {k:03}"],
+    ids=["another column's points", "another column's commas", "two numbers in a cell"],
+)
+def test_a_mark_that_is_certain_in_one_column_is_removed_from_no_other(tmp_path: Path, row: str) -> None:
+    rows = [row.format(k=k, t=0.02 * k) for k in range(100, 140)]
+    (tmp_path / "r.csv").write_text("\n".join(["time_s;u_V;y_mm", *rows, ""]), encoding="utf-8")
+    with pytest.raises(DataError, match=r"thousands|decimal"):
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+
+
+def test_a_minimum_and_a_deviation_are_no_time(tmp_path: Path) -> None:
+    rows = [f"{k % 7},{k % 5},{k % 3},{k % 4}" for k in range(40)]
+    (tmp_path / "r.csv").write_text("\n".join(["u_V,y_mm,y min,y s", *rows, ""]), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", dt=0.02)
+    np.testing.assert_allclose(found.outputs[0], [1e-3 * (k % 5) for k in range(40)], rtol=1e-12)
+
+
+def test_a_whole_last_object_with_other_names_is_refused(tmp_path: Path) -> None:
+    rows = [f'{{"time_s": {0.02 * k:.2f}, "u_V": {k % 7}, "y_mm": {k % 5}}}' for k in range(40)]
+    (tmp_path / "r.jsonl").write_text(
+        "\n".join([*rows, rows[0].replace("}", ', "note": "stop"}'), ""]), encoding="utf-8"
+    )
+    with pytest.raises(DataError, match="row 41"):
+        read_recording(tmp_path / "r.jsonl", input_column="u_V", output_column="y_mm")
+
+
+@pytest.mark.parametrize(
+    "remark",
+    [
+        "Sample rate: 1,000 Hz",
+        "Sample rate: 2,5 kHz",
+        "load cell FS = 50",
+        "Ts = 25 (room)",
+        "sampling rate: 25 Hz, laser 1000 Hz",
+    ],
+)
+def test_a_rate_that_is_not_certain_is_not_offered(tmp_path: Path, remark: str) -> None:
+    rows = [f"{k % 7},{k % 5}" for k in range(40)]
+    (tmp_path / "r.csv").write_text("\n".join([f"# {remark}", "u_V,y_mm", *rows, ""]), encoding="utf-8")
+    with pytest.raises(DataError) as caught:
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm")
+    assert "the file says" not in str(caught.value)

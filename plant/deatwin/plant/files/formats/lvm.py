@@ -76,7 +76,7 @@ def read_lvm(path: str | Path) -> CsvTable:
         _require_one_start(segment, name)
     table = _table(segments, separator, about.get("X_Columns", "One"), name, hashlib.sha256(content).hexdigest())
     ended = text.endswith("\n")
-    if not lacks_cells(table.lines, separator, ended=ended):
+    if ended or not lacks_cells(table.lines, separator):
         return replace(table, ended=ended)
     said = f"row {table.rows[-1]} has {len(split_cells(table.lines[-1], separator))} of {len(table.headers)} cells"
     return replace(table, lines=table.lines[:-1], rows=table.rows[:-1], left_out=said)
