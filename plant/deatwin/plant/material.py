@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.published import PUBLISHED, UNKNOWN
+from deatwin.plant.safe_read import clipped
 from deatwin.plant.substance import Branch as Branch
 from deatwin.plant.substance import Material as Material
 
@@ -19,5 +20,5 @@ def material(name: str | Material) -> Material:
     found = MATERIALS.get(name) or UNKNOWN.get(energy)
     if found is None:
         known = (*MATERIALS, *UNKNOWN)
-        raise RigError(f"unknown material {name!r}{nearest(name, known)} (known: {', '.join(known)})")
+        raise RigError(f"unknown material {clipped(name)!r}{nearest(name, known)} (known: {', '.join(known)})")
     return found

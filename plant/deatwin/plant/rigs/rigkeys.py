@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from math import inf, log
 from typing import Any
 
+from deatwin.plant.material import MATERIALS
+from deatwin.plant.published import UNKNOWN
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.safe_read import clipped
 
@@ -71,6 +73,7 @@ class TextKey:
 
     field: str
     choices: tuple[str, ...] = ()  # Allowed texts; any text if empty
+    pattern: str = r"\S"  # Regular expression of the schema for allowed texts, if there are no choices
     required: bool = True  # True if the key must be present
     about: str = ""
     instead: str = ""  # Key of the section, or ``[section]``, that may replace this one
@@ -154,8 +157,10 @@ _COMMANDS = "what the drive may give"
 _EQUATIONS = (
     "rms error of the readings that simplified equations leave after a calibration; that of the kind if left out"
 )
+_ENERGIES = ("".join("[-_ ]" if c == "_" else f"[{c}{c.upper()}]" for c in name) for name in UNKNOWN)
 MATERIAL = TextKey(
     field="material",
+    pattern=rf"^(?:{'|'.join((*MATERIALS, *_ENERGIES))})$|\.toml$",
     about="a name in the table of materials, or a material file (.toml) beside this one",
     instead="[material]",
 )
@@ -271,4 +276,4 @@ def key_schema(key: NumberKey | TextKey) -> dict[str, Any]:
     about = {"description": key.about} if key.about else {}
     if isinstance(key, NumberKey):
         return {"type": "integer" if key.whole else "number", "minimum": key.lower, "maximum": key.upper, **about}
-    return {"type": "string", **({"enum": list(key.choices)} if key.choices else {"pattern": r"\S"}), **about}
+    return {"type": "string", **({"enum": list(key.choices)} if key.choices else {"pattern": key.pattern}), **about}

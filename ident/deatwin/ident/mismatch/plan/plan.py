@@ -104,6 +104,9 @@ def plan_experiment(
     tell = progress or (lambda share, text: None)
     require_workers(jobs)
     require_seed(seed)
+    length = SCREENED * plant.rig.sample_time if seconds is None else seconds
+    if commands is None:
+        _require_range_and_length(plant.rig, length)
     known = [effect for effect in effects_for(plant.rig, effects) if plant.accepts(effect)]
     if not known:
         raise DataError("there is nothing to plan for: none of the effects can be added to this rig")
@@ -117,7 +120,7 @@ def plan_experiment(
         wanted = _wanted(plant, known, commands.extras)
         seen = _seen(plant, commands, known, jobs, lambda done: tell(done / len(known), doing), wanted)
         return _plan(plant, seen, "", {}, known)
-    inputs = _inputs(plant, SCREENED * plant.rig.sample_time if seconds is None else seconds, seed)
+    inputs = _inputs(plant, length, seed)
     found: dict[str, _Seen] = {}
     for number, (name, record) in enumerate(inputs.items()):
         tell(number / len(inputs), f"trying {name}")
@@ -339,9 +342,8 @@ def _with_readings(
     return replace(record, outputs=rows[:1], extras={**record.extras, **extras}), further, sensors
 
 
-def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
-    """Return the waveforms of the repertoire that the nominal plant tolerates."""
-    rig = plant.rig
+def _require_range_and_length(rig: Rig, seconds: float) -> None:
+    """Raise DataError if no input can be suggested for a rig, or none of the wanted length."""
     if rig.command_range is None:
         raise DataError(
             "the rig states no range of its command, so plan cannot suggest an input: give an input file, or the "
@@ -353,6 +355,11 @@ def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
         raise DataError(
             f"an input of {seconds:g} s was requested, but its length must be {least:g} to {most:g} s ({FEWEST} to {MOST} samples)"
         )
+
+
+def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
+    """Return the waveforms of the repertoire that the nominal plant tolerates."""
+    rig = plant.rig
     limits = safe_limits([plant], limits_of(plant, ()))
     if limits is None:
         raise SimulationError(
