@@ -166,7 +166,7 @@ class CsvTable(Table):
         *before, last = [split_cells(line, self.delimiter) for line in self.lines[-_FEW:]]
         column, needed = len(last) - 1, max(columns, default=-1) + 1
         if len(before) > 1 and len(last) < needed <= min(map(len, before)):
-            return self._without_last_row(f"it has {len(last)} of {len(self.headers)} cells")
+            return self.without_last_row(f"has {len(last)} of {len(self.headers)} cells")
         numbers = [row[column] for row in before if column < len(row) and is_number(row[column].replace(",", "."))]
         others = list(map(_digits, numbers))
         if self.ended or column not in columns or len(others) < _ALIKE:
@@ -176,14 +176,12 @@ class CsvTable(Table):
         fewest = tuple(map(min, zip(*others, strict=True)))
         whole, *parts = zip(_digits(last[column]), fewest, strict=True)
         cut = any(own < few for own, few in parts) or (not any(few for _, few in parts) and whole[0] < whole[1])
-        said = (
-            f"it ends with {clipped(last[column])}, which may be cut short (put a line break behind it if it is whole)"
-        )
-        return self._without_last_row(said) if cut else self
+        said = f"ends with {clipped(last[column])}, which may be cut short (put a line break behind it if it is whole)"
+        return self.without_last_row(said) if cut else self
 
-    def _without_last_row(self, why: str) -> "CsvTable":
+    def without_last_row(self, fault: str) -> "CsvTable":
         """Return the table without its last row, which is incomplete."""
-        said = why.replace("it", f"row {self.rows[-1]}", 1)
+        said = f"row {self.rows[-1]} {fault}"
         return replace(self, lines=self.lines[:-1], rows=self.rows[:-1], left_out=said)
 
     def _of_even_rows(self, columns: Sequence[int]) -> NDArray[np.float64] | None:

@@ -193,8 +193,8 @@ def without_label_column(lines: list[str], rows: Sequence[int], path: str) -> tu
 
 def lacks_cells(lines: Sequence[str], delimiter: str) -> bool:
     """Return whether the last line has fewer cells than each line before it."""
-    *before, last = (len(split_cells(line, delimiter)) for line in lines)
-    return len(before) > 1 and last < min(before)
+    last = len(split_cells(lines[-1], delimiter))
+    return len(lines) > 2 and all(len(split_cells(line, delimiter)) > last for line in lines[:-1])
 
 
 def with_name_of_rows(lines: list[str]) -> list[str]:

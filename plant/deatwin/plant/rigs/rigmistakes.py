@@ -151,10 +151,11 @@ def _material(data: Mapping[str, Any], film: object, called: str) -> Iterator[Mi
     """Find mistakes of the section [material], or of the key in [film] that it may replace."""
     if "material" not in data:
         name = film.get("material") if isinstance(film, Mapping) else None
-        try:
-            material(name if isinstance(name, str) and name.strip() else "neo-Hookean")
-        except RigError as error:
-            yield Mistake(text=str(error), at=(called, "material"))
+        if isinstance(name, str) and name.strip():  # other values are told as those of a key
+            try:
+                material(name)
+            except RigError as error:
+                yield Mistake(text=str(error), at=(called, "material"))
         return
     if isinstance(film, Mapping) and "material" in film:
         yield Mistake(text="there is a section [material] too; keep one of them", at=("film", "material"))

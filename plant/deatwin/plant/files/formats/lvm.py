@@ -78,8 +78,7 @@ def read_lvm(path: str | Path) -> CsvTable:
     ended = text.endswith("\n")
     if ended or not lacks_cells(table.lines, separator):
         return replace(table, ended=ended)
-    said = f"row {table.rows[-1]} has {len(split_cells(table.lines[-1], separator))} of {len(table.headers)} cells"
-    return replace(table, lines=table.lines[:-1], rows=table.rows[:-1], left_out=said)
+    return table.without_last_row(f"has {len(split_cells(table.lines[-1], separator))} of {len(table.headers)} cells")
 
 
 def _file_header(lines: list[str], path: str) -> tuple[str, dict[str, str]]:
